@@ -1,11 +1,11 @@
-//! Each end by itself, and every rule of the source.
+//! The counters and errors of each end, and a line that takes bytes away. The rules are the stories of `reference/sessions/isra-ball.json`.
 
 use core::time::Duration;
 
 use isra_ball::robot_session::{Decoder as _, Encode as _, Session};
 use isra_ball::{
     Ball, BallConfig, BallEvent, ConfigError, DecodeError, Decoder, EncodeError, Host, HostConfig, HostEvent,
-    Keys, Packet, Status, timing,
+    Keys, Packet, Status,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -53,22 +53,6 @@ fn exchange(host: &mut Host, reply: Packet) -> Duration {
     now
 }
 
-/// §9.5: "Die Sendung eines ENQ-Zeichen erfolgt jetzt zeitgesteuert."
-#[test]
-fn the_host_polls_each_period_and_the_first_poll_waits_for_the_reply_to_another_host() {
-    let mut host = host();
-    let first = poll(&mut host);
-    assert_eq!(
-        first.as_micros(),
-        44_708,
-        "a period, the 14 ms that a reply may be late, and a fifth of 13.541"
-    );
-    host.handle_input(first + 14 * MS, &bytes(fresh(1)));
-    let second = exchange(&mut host, fresh(2));
-    assert_eq!(second, first + 28 * MS);
-    assert_eq!(poll(&mut host), second + 28 * MS);
-}
-
 #[test]
 fn values_are_new_only_if_the_reply_before_proves_it() {
     let mut host = host();
@@ -97,64 +81,6 @@ fn values_are_new_only_if_the_reply_before_proves_it() {
 }
 
 #[test]
-fn the_outcomes_that_nobody_takes_hold_the_next_poll_back() {
-    let mut host = host();
-    for _ in 0..6 {
-        exchange(&mut host, fresh(1));
-    }
-    let now = host.poll_timeout().unwrap();
-    assert_eq!(host.poll_transmit(now, &mut [0]), None, "a poll may end in three outcomes, two have room");
-    assert_eq!(host.poll_event(), Some(HostEvent::Old(fresh(1))));
-    assert_eq!(host.poll_transmit(now, &mut [0]), Some(1));
-    host.handle_timeout(now + 1000 * MS);
-    let mut expected = vec![HostEvent::Packet(fresh(1)); 5];
-    expected.extend([HostEvent::Missed, HostEvent::Stale]);
-    assert_eq!(events(&mut host), expected);
-    assert_eq!(host.statistics().dropped_notices, 0);
-}
-
-#[test]
-fn a_silent_ball_is_missed_each_period_and_stale_once() {
-    let mut host = host();
-    exchange(&mut host, fresh(1));
-    let last = exchange(&mut host, fresh(2));
-    events(&mut host);
-    let (mut polls, mut missed, mut stale) = (Vec::new(), Vec::new(), Vec::new());
-    for t in 0..400 {
-        let now = last + t * MS;
-        host.handle_timeout(now);
-        if host.poll_transmit(now, &mut [0]).is_some() {
-            polls.push(t);
-        }
-        for event in events(&mut host) {
-            match event {
-                HostEvent::Missed => missed.push(t),
-                HostEvent::Stale => stale.push(t),
-                other => panic!("{other:?}"),
-            }
-        }
-    }
-    // After a poll without a reply the next one is later.
-    assert_eq!(polls[..5], [28, 73, 118, 163, 208]);
-    assert_eq!(missed[..4], [56, 101, 146, 191]);
-    // 150 ms after the poll whose reply the last values are newer than.
-    assert_eq!(stale, [122]);
-}
-
-#[test]
-fn a_pause_of_the_host_is_not_made_up_for_by_a_burst() {
-    let mut host = host();
-    let mut polls = Vec::new();
-    for t in (0..100).chain(500..600) {
-        if host.poll_transmit(MS * t, &mut [0]).is_some() {
-            polls.push(t);
-        }
-        events(&mut host);
-    }
-    assert_eq!(polls, [45, 90, 517, 562]);
-}
-
-#[test]
 fn a_packet_that_can_be_no_reply_is_unasked() {
     let mut host = host();
     let unasked = |x| HostEvent::Unasked(fresh(x));
@@ -173,61 +99,6 @@ fn a_packet_that_can_be_no_reply_is_unasked() {
     host.handle_input(now + 1000 * MS, &bytes(fresh(6)));
     assert_eq!(events(&mut host), [HostEvent::Missed, HostEvent::Stale, unasked(6)]);
     assert_eq!((host.statistics().unasked, host.statistics().missed, host.statistics().polls), (4, 1, 3));
-}
-
-#[test]
-fn the_first_new_values_after_a_pause_are_not_used() {
-    let mut host = host();
-    exchange(&mut host, fresh(1));
-    let last = exchange(&mut host, fresh(2));
-    events(&mut host);
-    // No poll comes for a second; the ball then sends the values that it measured at its beginning.
-    let now = last + 1000 * MS;
-    host.poll_transmit(now, &mut [0]).unwrap();
-    host.handle_input(now + 14 * MS, &bytes(fresh(3)));
-    assert_eq!(events(&mut host), [HostEvent::Stale, HostEvent::Old(fresh(3))]);
-    exchange(&mut host, fresh(4));
-    assert_eq!(events(&mut host), [HostEvent::Packet(fresh(4))]);
-}
-
-#[test]
-fn a_connection_ends_its_poll_and_its_values() {
-    let mut host = host();
-    exchange(&mut host, fresh(1));
-    exchange(&mut host, fresh(2));
-    let now = poll(&mut host);
-    events(&mut host);
-    host.handle_input(now + 10 * MS, &bytes(fresh(3))[..9]);
-    host.handle_disconnected(now + 11 * MS);
-    assert_eq!(events(&mut host), [HostEvent::Missed, HostEvent::Stale]);
-    assert_eq!((host.poll_timeout(), host.poll_transmit(now + 90 * MS, &mut [0])), (None, None));
-    host.handle_disconnected(now + 12 * MS);
-    let again = now + 20 * MS;
-    host.handle_connected(again);
-    host.handle_connected(again);
-    assert_eq!(host.poll_timeout(), Some(again + HostConfig::default().quiet()));
-    // The rest of the packet is noise now, and another ball's first packet is of unknown age.
-    host.handle_input(again + MS, &bytes(fresh(3))[9..]);
-    exchange(&mut host, fresh(4));
-    let seen = events(&mut host);
-    assert_eq!(seen, [HostEvent::Corrupt(DecodeError::Noise { length: 3 }), HostEvent::Old(fresh(4))]);
-}
-
-#[test]
-fn bytes_without_a_connection_are_unexpected() {
-    let mut host = Host::new(HostConfig::default()).unwrap();
-    assert_eq!((host.poll_timeout(), host.poll_transmit(MS, &mut [0])), (None, None));
-    host.handle_input(MS, &bytes(fresh(1)));
-    let seen = events(&mut host);
-    assert!(
-        matches!(seen[..], [HostEvent::Unexpected(e)] if e.to_string() == "Packet(fresh) is not expected in the state Disconnected"),
-        "{seen:?}"
-    );
-    let mut ball = Ball::new(BallConfig::default()).unwrap();
-    ball.handle_input(MS, &[0x05]);
-    assert!(matches!(events(&mut ball)[..], [BallEvent::Unexpected(_)]));
-    assert_eq!((ball.poll_transmit(MS, &mut [0; 12]), ball.statistics().unexpected), (None, 1));
-    assert_eq!(host.statistics().unexpected, 1);
 }
 
 #[test]
@@ -305,29 +176,6 @@ fn the_ball_sends_nothing_unasked_and_answers_once() {
 }
 
 #[test]
-fn a_poll_is_not_answered_on_the_next_connection() {
-    let mut ball = Ball::new(BallConfig::default()).unwrap();
-    ball.handle_connected(MS);
-    ball.measure([1; 3], [0; 3], Keys::NONE);
-    ball.handle_input(MS, &[0x05]);
-    ball.handle_disconnected(MS);
-    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), None);
-    ball.handle_connected(MS);
-    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), None);
-    ball.handle_input(MS, &[0x05]);
-    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), Some(12));
-    assert_eq!(ball.statistics().fresh, 1, "the values outlast the connection");
-}
-
-#[test]
-fn a_full_event_queue_drops_the_oldest_notice() {
-    let mut ball = Ball::new(BallConfig::default()).unwrap();
-    ball.handle_input(MS, &[10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
-    assert_eq!(events(&mut ball), [12, 13, 14, 15, 16, 17, 18, 19].map(BallEvent::Unknown));
-    assert_eq!(ball.statistics().dropped_notices, 2);
-}
-
-#[test]
 fn a_period_or_an_age_that_cannot_be_kept_is_refused() {
     let with = |baud, period, max_age| {
         Host::new(HostConfig { baud, period, max_age, ..HostConfig::default() })
@@ -349,27 +197,6 @@ fn a_period_or_an_age_that_cannot_be_kept_is_refused() {
     let ball = |sensor_type, sensor| Ball::new(BallConfig { sensor_type, sensor, ..BallConfig::default() });
     assert_eq!(ball(8, 0).unwrap_err().to_string(), "sensor type 8 is not in 0..=7");
     assert_eq!(ball(0, 9).unwrap_err(), ConfigError::Identity(EncodeError::Sensor { found: 9 }));
-}
-
-#[test]
-fn the_longest_time_is_never() {
-    let mut host = Host::new(HostConfig::default()).unwrap();
-    host.handle_connected(Duration::MAX);
-    assert_eq!((host.poll_timeout(), host.poll_transmit(Duration::MAX, &mut [0])), (None, None));
-    host.handle_input(Duration::MAX, &bytes(fresh(1)));
-    host.handle_disconnected(Duration::MAX);
-    host.handle_connected(Duration::ZERO);
-    assert_eq!(host.poll_transmit(Duration::MAX, &mut [0]), Some(1));
-    assert_eq!(host.poll_transmit(Duration::MAX, &mut [0]), None);
-}
-
-#[test]
-fn the_line_takes_as_long_as_the_source_says() {
-    assert_eq!(timing::exchange_time(9600).as_micros(), 13_541);
-    assert_eq!(timing::min_period(9600), MS * 14);
-    assert_eq!(timing::min_period(19_200), MS * 7);
-    assert_eq!(timing::min_period(13_000), MS * 10);
-    assert_eq!(timing::transmission_time(12, 0), Duration::MAX);
 }
 
 #[test]

@@ -1,9 +1,9 @@
-//! The rules of the source, each with its clause.
+//! The counters and errors of each end, and formats of a caller. The rules are the stories of `reference/sessions/val2-viewer.json`.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
 
-use val2_viewer::robot_session::{Encode as _, Session};
+use val2_viewer::robot_session::Session;
 use val2_viewer::{
     ConfigError, DecodeError, ENQ, Format, Host, HostConfig, HostEvent, PosePacket, Workstation,
     WorkstationConfig, WorkstationEvent, XOFF, XON,
@@ -44,21 +44,6 @@ fn answer(host: &mut Host, now: Duration) -> Option<PosePacket> {
     let mut out = [0; Host::MAX_TRANSMIT];
     let length = host.poll_transmit(now, &mut out)?;
     Some(PosePacket::decode(&out[..length]).unwrap().unwrap().0)
-}
-
-/// "… daß außer beim ersten Aufruf ein ENQ immer nur dann gesendet wird, wenn vorher ein Nachrichtenpaket vom externen
-/// Steuerrechner empfangen wurde" (§9.4)
-#[test]
-fn the_workstation_asks_first_and_then_only_after_an_answer() {
-    let mut workstation = workstation();
-    assert!(asks(&mut workstation, 0));
-    assert!(!asks(&mut workstation, 200));
-    assert!(!asks(&mut workstation, 400));
-    workstation.handle_input(500 * MS, &LINE[..30]);
-    assert!(!asks(&mut workstation, 600));
-    workstation.handle_input(600 * MS, &LINE[30..]);
-    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
-    assert!(asks(&mut workstation, 800));
 }
 
 /// "… wird ein erneutes Versenden eines ENQ-Zeichen durch kurzes Unterbrechen (ca. zwei Sekunden) des Simulationsablaufes …
@@ -130,49 +115,6 @@ fn a_picture_without_new_poses_is_stale_once() {
 }
 
 #[test]
-fn a_connection_ends_its_request_and_its_picture() {
-    let mut workstation = workstation();
-    assert!(asks(&mut workstation, 0));
-    workstation.handle_input(50 * MS, LINE);
-    assert!(asks(&mut workstation, 200));
-    workstation.handle_input(220 * MS, &LINE[..20]);
-    events(&mut workstation);
-    workstation.handle_disconnected(230 * MS);
-    assert_eq!(events(&mut workstation), [WorkstationEvent::Missed, WorkstationEvent::Stale]);
-    assert!(!asks(&mut workstation, 240), "nobody is there");
-    workstation.handle_disconnected(250 * MS);
-    workstation.handle_connected(260 * MS);
-    workstation.handle_connected(260 * MS);
-    assert_eq!(events(&mut workstation), []);
-    assert!(asks(&mut workstation, 270));
-    // The rest of the line of before is noise now, though it ends as a line does.
-    workstation.handle_input(280 * MS, &LINE[20..]);
-    assert_eq!(
-        events(&mut workstation),
-        [WorkstationEvent::Corrupt(DecodeError::Format { offset: 0 }), WorkstationEvent::Missed]
-    );
-    assert!(asks(&mut workstation, 470));
-}
-
-#[test]
-fn the_outcomes_that_nobody_takes_hold_the_next_request_back() {
-    let mut workstation = workstation();
-    for round in 0..6 {
-        assert!(asks(&mut workstation, 200 * round), "{round}");
-        workstation.handle_input(MS * (200 * round + 50), LINE);
-    }
-    assert!(!asks(&mut workstation, 1200), "a request may end in three outcomes, two have room");
-    assert_eq!(workstation.poll_event(), Some(WorkstationEvent::Pose(SEVENTH)));
-    assert_eq!(workstation.poll_transmit(1200 * MS, &mut []), None);
-    assert_eq!(workstation.poll_transmit(1200 * MS, &mut [0]), Some(1));
-    workstation.handle_disconnected(1300 * MS);
-    let mut expected = vec![WorkstationEvent::Pose(SEVENTH); 5];
-    expected.extend([WorkstationEvent::Missed, WorkstationEvent::Stale]);
-    assert_eq!(events(&mut workstation), expected);
-    assert_eq!(workstation.statistics().dropped_notices, 0);
-}
-
-#[test]
 fn the_host_answers_a_request_once_with_the_newest_pose() {
     let mut host = host();
     let begin = 150 * MS;
@@ -191,74 +133,6 @@ fn the_host_answers_a_request_once_with_the_newest_pose() {
     let asked = HostEvent::Asked;
     assert_eq!(events(&mut host), [asked, sent(0), asked, HostEvent::Unknown(b'?'), sent(1)]);
     assert_eq!((host.statistics().asked, host.statistics().sent, host.statistics().unknown), (2, 2, 1));
-}
-
-#[test]
-fn a_pose_that_is_too_old_is_not_sent() {
-    let mut host = host();
-    host.set_pose(150 * MS, POSE);
-    assert_eq!(host.poll_timeout(), Some(350 * MS));
-    host.handle_timeout(349 * MS);
-    assert_eq!(events(&mut host), []);
-    host.handle_input(350 * MS, &[ENQ]);
-    assert_eq!(
-        (answer(&mut host, 350 * MS), events(&mut host)),
-        (None, vec![HostEvent::Stale, HostEvent::Asked])
-    );
-    assert_eq!((host.poll_timeout(), host.statistics().stale), (None, 1));
-    // ALTER begins again after an hour.
-    let later = 3_600_000 * MS;
-    host.set_pose(later, [5; 12]);
-    assert_eq!(answer(&mut host, later), Some(PosePacket { count: 0, pose: [5; 12] }));
-}
-
-/// "Der Steuerrechner empfängt jetzt in schneller Folge ENQ-Zeichen und antwortet dem Protokoll entsprechend mit ebenso vielen
-/// Datenpaketen, was auf Apollo-Seite zu einem Pufferüberlauf … führt" (§9.4): not here.
-#[test]
-fn a_pile_of_requests_is_answered_once() {
-    let mut host = host();
-    let restart = 60_000 * MS;
-    host.handle_connected(restart);
-    host.set_pose(restart, POSE);
-    // The driver lets go 288 requests, one every 0.52 ms.
-    let mut answers = Vec::new();
-    for step in 0..1000 {
-        let now = restart + Duration::from_micros(520) * step;
-        host.set_pose(now, [step as i16; 12]);
-        if step < 288 {
-            host.handle_input(now, &[ENQ]);
-        }
-        answers.extend(answer(&mut host, now));
-    }
-    assert_eq!(answers, [PosePacket { count: 0, pose: [289; 12] }], "150 ms after the beginning");
-    assert_eq!((host.statistics().ignored, host.statistics().sent), (287, 1));
-}
-
-#[test]
-fn requests_all_the_time_get_a_packet_an_interval() {
-    let mut host = host();
-    let mut sent = Vec::new();
-    for at in 0..1000 {
-        host.set_pose(MS * at, POSE);
-        host.handle_input(MS * at, &[ENQ]);
-        if answer(&mut host, MS * at).is_some() {
-            sent.push(at);
-        }
-    }
-    assert_eq!(sent, [150, 300, 450, 600, 750, 900]);
-}
-
-#[test]
-fn a_request_is_not_answered_on_the_next_connection() {
-    let mut host = host();
-    host.handle_input(150 * MS, &[ENQ]);
-    host.handle_disconnected(160 * MS);
-    host.set_pose(170 * MS, POSE);
-    assert_eq!(answer(&mut host, 170 * MS), None);
-    host.handle_connected(180 * MS);
-    assert_eq!(answer(&mut host, 330 * MS), None);
-    host.handle_input(330 * MS, &[ENQ]);
-    assert_eq!(answer(&mut host, 330 * MS), Some(PosePacket { count: 0, pose: POSE }));
 }
 
 #[test]
@@ -297,31 +171,6 @@ fn with<const BYTE: u8>(_: &PosePacket, out: &mut [u8]) -> Option<usize> {
 }
 
 #[test]
-fn bytes_without_a_connection_are_unexpected() {
-    let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
-    workstation.handle_input(MS, LINE);
-    let seen = events(&mut workstation);
-    assert!(
-        matches!(seen[..], [WorkstationEvent::Unexpected(e)] if e.to_string() == "Pose is not expected in the state Disconnected"),
-        "{seen:?}"
-    );
-    let mut host = Host::new(HostConfig::default()).unwrap();
-    host.handle_input(MS, &[ENQ]);
-    assert!(matches!(events(&mut host)[..], [HostEvent::Unexpected(_)]));
-    host.set_pose(MS, POSE);
-    assert_eq!((answer(&mut host, 500 * MS), host.statistics().unexpected), (None, 1));
-    assert_eq!(workstation.statistics().unexpected, 1);
-}
-
-#[test]
-fn a_full_event_queue_drops_the_oldest_notice() {
-    let mut host = host();
-    host.handle_input(MS, &[20, 21, 22, 23, 24, 25, 26, 27, 28, 29]);
-    assert_eq!(events(&mut host), [22, 23, 24, 25, 26, 27, 28, 29].map(HostEvent::Unknown));
-    assert_eq!(host.statistics().dropped_notices, 2);
-}
-
-#[test]
 fn what_cannot_work_is_refused() {
     let host = HostConfig { max_hold: Duration::ZERO, ..HostConfig::default() };
     assert_eq!(Host::new(host).map(drop), Err(ConfigError::MaxHold));
@@ -349,95 +198,6 @@ fn what_cannot_work_is_refused() {
     assert_eq!(stale.to_string(), "the stale time 200ms must be longer than the display cycle of 200ms");
     assert_eq!(workstation(201 * MS, 201 * MS), Ok(()));
     assert_eq!(workstation(Duration::MAX, Duration::MAX), Ok(()));
-}
-
-#[test]
-fn the_longest_time_is_never() {
-    let mut workstation = workstation();
-    workstation.handle_connected(Duration::MAX);
-    workstation.draw(Duration::MAX);
-    assert_eq!(workstation.poll_transmit(Duration::MAX, &mut [0]), Some(1));
-    workstation.handle_input(Duration::MAX, LINE);
-    assert_eq!((workstation.poll_timeout(), events(&mut workstation).len()), (None, 1));
-    let config = WorkstationConfig { pause: Duration::MAX, ..WorkstationConfig::default() };
-    let mut patient = Workstation::new(config).unwrap();
-    patient.handle_connected(MS);
-    assert!(asks(&mut patient, 1));
-    patient.draw(Duration::MAX);
-    assert_eq!(patient.poll_transmit(Duration::MAX, &mut [0]), None, "an unlimited pause never ends");
-    let config = HostConfig { max_age: Duration::MAX, ..HostConfig::default() };
-    let mut host = Host::new(config).unwrap();
-    host.handle_connected(MS);
-    host.set_pose(MS, POSE);
-    assert_eq!(host.poll_timeout(), None);
-    host.handle_input(Duration::MAX, &[ENQ]);
-    assert_eq!(answer(&mut host, Duration::MAX).map(|packet| packet.pose), Some(POSE));
-    let mut endless = Host::new(HostConfig { interval: Duration::MAX, ..config }).unwrap();
-    endless.handle_connected(MS);
-    endless.set_pose(MS, POSE);
-    endless.handle_input(MS, &[ENQ]);
-    assert_eq!((answer(&mut endless, Duration::MAX), endless.poll_timeout()), (None, None));
-}
-
-/// Both ends, without a fault, in the source's display cycle.
-#[test]
-fn a_pose_a_cycle() {
-    let (mut host, mut workstation, mut out) = (host(), workstation(), [0; Host::MAX_TRANSMIT]);
-    let (mut poses, mut line) = (Vec::new(), None);
-    for at in 150..2350 {
-        let now = MS * at;
-        if at % 28 == 0 {
-            host.set_pose(now, [at as i16; 12]);
-        }
-        if at % 200 == 0 {
-            workstation.draw(now);
-        }
-        if workstation.poll_transmit(now, &mut out).is_some() {
-            host.handle_input(now, &[ENQ]);
-        }
-        if let Some(length) = host.poll_transmit(now, &mut out) {
-            line = Some((at + 50, out[..length].to_vec()));
-        }
-        if let Some((_, bytes)) = line.take_if(|(due, _)| *due == at) {
-            workstation.handle_input(now, &bytes);
-        }
-        poses.extend(events(&mut workstation));
-    }
-    let counts = poses.iter().map(|event| match event {
-        WorkstationEvent::Pose(packet) => packet.count,
-        other => panic!("{other:?}"),
-    });
-    assert_eq!(counts.collect::<Vec<_>>(), (0..11).collect::<Vec<_>>());
-    assert_eq!(SEVENTH.encoded_len(), LINE.len());
-}
-
-/// "mit XON/XOFF" (§5): a raw port, TCP and a microcontroller pass the handshake on.
-#[test]
-fn nothing_is_sent_between_xoff_and_xon() {
-    let mut workstation = workstation();
-    workstation.handle_input(MS, &[XOFF]);
-    assert!(!asks(&mut workstation, 2), "the host holds the line");
-    workstation.handle_input(3 * MS, &[XON]);
-    assert!(asks(&mut workstation, 4));
-    let mut host = host();
-    host.set_pose(150 * MS, POSE);
-    host.handle_input(150 * MS, &[ENQ, XOFF]);
-    assert_eq!((answer(&mut host, 150 * MS), host.poll_timeout()), (None, Some(350 * MS)));
-    host.handle_input(151 * MS, &[XON]);
-    assert_eq!(answer(&mut host, 151 * MS), Some(PosePacket { count: 0, pose: POSE }));
-    assert_eq!(host.statistics().unknown, 0);
-}
-
-#[test]
-fn the_handshake_is_no_part_of_a_line() {
-    let mut workstation = workstation();
-    assert!(asks(&mut workstation, 0));
-    let (head, tail) = LINE.split_at(20);
-    workstation.handle_input(10 * MS, &[&[XON, XOFF], head, &[XOFF, XON, XOFF], tail].concat());
-    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
-    assert!(!asks(&mut workstation, 200), "what comes within a line holds as well");
-    workstation.handle_input(210 * MS, &[XON]);
-    assert!(asks(&mut workstation, 210));
 }
 
 #[test]

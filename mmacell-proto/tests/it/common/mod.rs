@@ -5,8 +5,8 @@ use core::time::Duration;
 
 use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, CloseReason, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
-    Mode, Order, Pose, Rejection, RobotPose, Unfinished,
+    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Mode, Order,
+    Pose, Rejection, RobotPose,
 };
 
 pub const ZERO: Duration = Duration::ZERO;
@@ -19,10 +19,6 @@ pub fn pose(x: f64) -> RobotPose {
 
 pub fn go(pose: RobotPose) -> Command<RobotPose> {
     Command::Move { mode: Mode::Absolute, pose }
-}
-
-pub fn by(pose: RobotPose) -> Command<RobotPose> {
-    Command::Move { mode: Mode::Relative, pose }
 }
 
 /// Returns a central controller's end with a connection.
@@ -74,10 +70,6 @@ pub fn receive<P: Pose>(central: &mut Central<P>, now: Duration, bytes: &[u8]) -
     let event = central.poll_event().expect("an event");
     assert_eq!(central.poll_event(), None);
     event
-}
-
-pub fn closed<P>(reason: CloseReason, unfinished: Unfinished<P>) -> CentralEvent<P> {
-    CentralEvent::Closed { reason, unfinished }
 }
 
 /// Returns the device's reply to a line, and its event. Its owner accepts everything.

@@ -1,4 +1,5 @@
-//! The counters and errors of each end, and a line that takes bytes away. The rules are the stories of `reference/sessions/isra-ball.json`.
+//! The counters and errors of each end, and a line that takes bytes away.
+//! The rules are the stories of `reference/sessions/isra-ball.json`.
 
 use core::time::Duration;
 

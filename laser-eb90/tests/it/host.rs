@@ -3,7 +3,6 @@
 use core::time::Duration;
 
 use crate::common::{CUT, MS, READY, WHERE, cut, echo, encoded, host, write_cut};
-use laser_eb90::robot_session::end::{End as _, Machine as _};
 use laser_eb90::robot_session::{Session, Unexpected};
 use laser_eb90::{
     DecodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal, SessionError,

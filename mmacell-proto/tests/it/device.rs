@@ -1,4 +1,5 @@
-//! The device's counters and limits, and the printed examples. Its rules are the stories of `reference/sessions/mmacell-proto.json`.
+//! The device's counters and limits, and the printed examples.
+//! Its rules are the stories of `reference/sessions/mmacell-proto.json`.
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "one test is over TCP")]
 

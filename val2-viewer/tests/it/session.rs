@@ -1,4 +1,5 @@
-//! The counters and errors of each end, and formats of a caller. The rules are the stories of `reference/sessions/val2-viewer.json`.
+//! The counters and errors of each end, and formats of a caller.
+//! The rules are the stories of `reference/sessions/val2-viewer.json`.
 #![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;

@@ -50,3 +50,10 @@ fn a_connection_is_there_until_it_ends() {
     let count = c.statistics();
     assert_eq!((count.connections, count.commands, count.lines, count.unknown), (1, 2, 1, 1));
 }
+
+/// A command whose reply is given up must not be executed later: a driver discards its bytes.
+#[test]
+fn bytes_that_nobody_has_taken_are_discarded_when_the_reply_is_given_up() {
+    let config = CentralConfig { timeout: S * 7, ..CentralConfig::DEFAULT };
+    assert_eq!(central_with::<RobotPose>(config).discards_after(), Some(S * 7));
+}

@@ -299,7 +299,7 @@ impl Decoder {
             Err(tried) if is_full => {
                 // A frame that is not whole yet begins within the last bytes.
                 let from = window - reach;
-                *corruption = Corruption { is_more: true, from, tried, ..*corruption };
+                (corruption.is_more, corruption.from, corruption.tried) = (true, from, tried);
                 from
             }
             Err(_) => {

@@ -32,7 +32,7 @@ pub(super) fn len(data: &[u8], side: Side) -> Result<usize, DecodeError> {
 #[inline]
 fn is_exception(data: &[u8], side: Side) -> bool {
     let code = data.get(MBAP + 1).copied().unwrap_or_default();
-    code > function::EXCEPTION && side == Side::Server && function::is_typed(code & !function::EXCEPTION)
+    code >= function::EXCEPTION && side == Side::Server && function::is_typed(code & !function::EXCEPTION)
 }
 
 /// Returns the number of bytes that may follow the TCP frame at the beginning, if that is an exception with a wrong length:

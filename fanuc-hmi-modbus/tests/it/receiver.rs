@@ -5,7 +5,7 @@ use core::time::Duration;
 use crate::common::{Bank, MS, bytes, read, transmitted};
 use fanuc_hmi_modbus::robot_session::end::End;
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Session as _};
-use fanuc_hmi_modbus::{DecodeError, Request, Server, ServerConfig, ServerEvent};
+use fanuc_hmi_modbus::{DecodeError, Exception, Framing, Reply, Request, Server, ServerConfig, ServerEvent};
 
 fn server(config: ServerConfig) -> Server<Bank, 2> {
     let mut server = Server::new(config, Bank::new()).unwrap();
@@ -62,4 +62,95 @@ fn the_decoder_of_a_server_gives_the_frame_and_its_end() {
         assert_eq!(decoder.position(), frame.len() as u64);
         assert!(decoder.next_frame().is_none());
     }
+}
+
+/// A server on a serial line, and what it does with messages in pieces, each with a silence after it.
+struct Pieces {
+    server: Server<Bank, 2>,
+    now: Duration,
+}
+
+impl Pieces {
+    fn new() -> Self {
+        let framing = Framing::Rtu { silence: 2 * MS };
+        Self { server: server(ServerConfig { framing, ..ServerConfig::rtu(1, 19_200) }), now: MS }
+    }
+
+    /// Returns the replies after the last silence.
+    fn get(&mut self, pieces: &[&[u8]]) -> Vec<Vec<u8>> {
+        let mut replies = Vec::new();
+        for piece in pieces {
+            self.server.handle_input(self.now, piece);
+            self.now += 4 * MS;
+            self.server.handle_timeout(self.now);
+            replies = transmitted(&mut self.server, self.now);
+        }
+        replies
+    }
+}
+
+const NOTHING: [Vec<u8>; 0] = [];
+
+/// Returns a frame of a function whose length is not known.
+fn unknown(unit: u8, data: &[u8]) -> Vec<u8> {
+    bytes(None, unit, Request::Other { function: 0x64, data })
+}
+
+#[test]
+fn a_message_that_is_not_whole_frames_is_dropped_whole() {
+    for unit in [0, 1] {
+        let whole = bytes(None, unit, Request::WriteRegister { address: 1, value: 7 });
+        let mut damaged = bytes(None, 1, Request::WriteRegister { address: 2, value: 7 });
+        *damaged.last_mut().unwrap() ^= 1;
+        let mut line = Pieces::new();
+        assert_eq!(line.get(&[&[whole, damaged].concat()]), NOTHING);
+        assert_eq!(line.server.registers_mut().writes, []);
+        let events: Vec<_> = core::iter::from_fn(|| line.server.poll_event()).collect();
+        assert!(matches!(events[..], [ServerEvent::Corrupt(_)]), "{events:?}");
+    }
+}
+
+/// Of bytes without a known length nobody knows whether they go on after a silence: if a whole frame comes then, they do not.
+#[test]
+fn a_request_after_bytes_without_a_length_is_served_in_time() {
+    let request = bytes(None, 1, Request::WriteRegister { address: 1, value: 7 });
+    for before in [0, 127] {
+        let mut line = Pieces::new();
+        for _ in 0..before {
+            assert_eq!(line.get(&[&request]), [&request[..]]);
+            while line.server.poll_event().is_some() {}
+        }
+        // With 127 requests before it, the pieces pass the end of the buffer.
+        assert_eq!(line.get(&[&unknown(2, &[9; 3])[..5], &request]), [&request[..]], "{before}");
+    }
+}
+
+#[test]
+fn a_request_without_a_length_is_answered_in_three_pieces() {
+    let mut line = Pieces::new();
+    let write = bytes(None, 1, Request::WriteRegister { address: 1, value: 7 });
+    assert_eq!(line.get(&[&write]), [&write[..]]);
+    let request = unknown(1, &[7; 12]);
+    let exception = Reply::Exception { function: 0x64, exception: Exception::IllegalFunction };
+    let replies = line.get(&[&request[..5], &request[5..10], &request[10..]]);
+    assert_eq!(replies, [bytes(None, 1, exception)]);
+}
+
+#[test]
+fn a_frame_that_would_be_too_long_is_not_waited_for_through_tcp() {
+    let begun = [1, 16, 0, 0, 0, 127, 255, 0];
+    let (replies, events) = outcome(ServerConfig::rtu_over_tcp(1), &begun);
+    assert_eq!((replies, events), (vec![], vec![ServerEvent::Corrupt(DecodeError::TooLong { found: 264 })]));
+}
+
+/// A reply of three bytes of coils has the length of a request to read some, which may have the same bytes.
+#[test]
+fn a_request_that_equals_the_reply_before_is_served() {
+    let mut line = Pieces::new();
+    line.server.registers_mut().coils = core::array::from_fn(|at| [0, 16].contains(&at));
+    let replies = line.get(&[&bytes(None, 1, Request::ReadCoils { address: 0, quantity: 24 })]);
+    let again = bytes(None, 1, Request::ReadCoils { address: 0x0301, quantity: 1 });
+    assert_eq!(replies, [&again[..]]);
+    let exception = Reply::Exception { function: 1, exception: Exception::IllegalDataAddress };
+    assert_eq!(line.get(&[&again]), [bytes(None, 1, exception)]);
 }

@@ -1,4 +1,4 @@
-//! The server's rules, one by one.
+//! The server's functions, limits and counters. Its rules are the stories of `reference/sessions/fanuc-hmi-modbus.json`.
 
 #![allow(clippy::cast_possible_truncation)]
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "one test is over TCP")]
@@ -13,8 +13,8 @@ use crate::common::{Bank, MS, bytes, read, transmitted};
 use fanuc_hmi_modbus::robot_session::end::End as _;
 use fanuc_hmi_modbus::robot_session::{EndReason, Session, drive};
 use fanuc_hmi_modbus::{
-    ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
-    Words, WordsMut, function, limit, serve,
+    DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent, Words, WordsMut,
+    function, limit, serve,
 };
 
 /// Returns the reply PDU to a request PDU.
@@ -128,76 +128,6 @@ fn a_server_answers_in_order_and_only_what_is_meant_for_it() {
     assert_eq!(server.statistics().served, 3);
 }
 
-#[test]
-fn a_server_on_a_serial_line_answers_after_the_silence() {
-    let mut server: Server<_> = connected(ServerConfig::rtu(1, 9600));
-    let request = bytes(None, 1, read(0, 1));
-    server.handle_input(MS, &[0x55]);
-    assert_eq!(server.poll_timeout(), Some(Duration::from_micros(5010)));
-    server.handle_timeout(6 * MS);
-    server.handle_input(6 * MS, &request);
-    server.handle_timeout(10 * MS);
-    assert_eq!(transmitted(&mut server, 10 * MS).len(), 0);
-    server.handle_timeout(11 * MS);
-    assert_eq!(transmitted(&mut server, 11 * MS)[0].len(), 7);
-    let error = DecodeError::Cut { expected: 4, found: 1 };
-    assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(error)));
-    // A function that only the server supports ends with the silence.
-    server.handle_input(20 * MS, &bytes(None, 1, Request::Other { function: 65, data: &[1, 2] }));
-    server.handle_timeout(25 * MS);
-    assert_eq!(transmitted(&mut server, 25 * MS)[0][..4], [1, 65, 1, 2]);
-    // A reply waits while others send.
-    server.handle_input(30 * MS, &request);
-    server.handle_timeout(35 * MS);
-    server.handle_input(36 * MS, &[2]);
-    assert_eq!(transmitted(&mut server, 36 * MS).len(), 0);
-    server.handle_timeout(41 * MS);
-    assert_eq!(transmitted(&mut server, 41 * MS).len(), 1);
-}
-
-#[test]
-fn of_a_burst_without_a_silence_the_last_request_is_answered() {
-    let mut server: Server<_> = connected(ServerConfig::rtu(1, 9600));
-    server.handle_input(MS, &bytes(None, 1, Request::WriteRegister { address: 1, value: 9 }).repeat(300));
-    assert!(server.wants_input(), "the silence shows that they have ended");
-    server.handle_timeout(10 * MS);
-    let statistics = server.statistics();
-    assert_eq!((statistics.served, statistics.refused, statistics.corrupt), (1, 299, 0));
-    assert_eq!(transmitted(&mut server, 10 * MS).len(), 1);
-    for (config, silence) in [(ServerConfig::rtu(1, 9600), 5 * MS), (ServerConfig::rtu_over_tcp(1), 500 * MS)]
-    {
-        let mut server: Server<_> = connected(config);
-        server.handle_input(MS, &[0xFF; 3000]);
-        server.handle_timeout(MS + silence);
-        assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(DecodeError::TooLong { found: 257 })));
-        server.handle_input(1000 * MS, &bytes(None, 1, read(0, 1)));
-        server.handle_timeout(1005 * MS);
-        assert_eq!(transmitted(&mut server, 1005 * MS).len(), 1);
-    }
-}
-
-#[test]
-fn a_server_reports_the_last_events_and_that_a_client_is_out_of_step() {
-    let mut server: Server<_> = connected(ServerConfig::tcp());
-    for transaction in 0..20 {
-        server.handle_input(MS, &bytes(Some(transaction), 1, read(90, transaction + 1)));
-        assert_eq!(transmitted(&mut server, MS).len(), 1);
-    }
-    server.handle_input(MS, b"GET / HTTP/1.1\r\n\r\n");
-    assert_eq!(transmitted(&mut server, MS).len(), 0);
-    let events: Vec<_> = core::iter::from_fn(|| server.poll_event()).collect();
-    assert_eq!(events.len(), 8);
-    let event = |transaction| ServerEvent::Served {
-        transaction: Some(transaction),
-        unit: 1,
-        function: 3,
-        exception: Some(Exception::IllegalDataAddress),
-    };
-    assert_eq!(events[0], event(13));
-    assert_eq!(events[7], ServerEvent::OutOfStep(DecodeError::Protocol { found: 0x5420 }));
-    assert_eq!(server.statistics().dropped_notices, 13);
-}
-
 fn write(transaction: Option<u16>, value: u16) -> Vec<u8> {
     bytes(transaction, 1, Request::WriteRegister { address: 1, value })
 }
@@ -245,64 +175,6 @@ fn a_thousand_requests_in_one_write_are_answered_in_order() {
         assert_eq!((ended, writes), (EndReason::ByPeer, 1000));
         assert_eq!((statistics.served, statistics.refused, statistics.unexpected), (1000, 0, 0));
     }
-}
-
-#[test]
-fn on_a_serial_line_more_requests_than_places_are_neither_carried_out_nor_answered() {
-    let mut server: Server<_, 2> = connected(ServerConfig::rtu(1, 9600));
-    for value in 0..40 {
-        server.handle_input(MS, &write(None, value));
-        server.handle_timeout(7 * MS);
-    }
-    assert_eq!(server.registers().writes, [(1, 0), (1, 1)]);
-    assert_eq!((server.statistics().served, server.statistics().refused), (2, 38));
-    assert!(server.wants_input());
-    assert_eq!(transmitted(&mut server, 7 * MS).len(), 2);
-}
-
-/// While the server does not read, the rest of a frame may be there.
-#[test]
-fn its_own_delay_is_no_silence_of_rtu_over_tcp() {
-    let mut server: Server<_, 2> = connected(ServerConfig::rtu_over_tcp(1));
-    let stall = 500 * MS;
-    let (head, tail) = (&write(None, 2)[..3], &write(None, 2)[3..]);
-    server.handle_input(MS, &[&write(None, 0), &write(None, 1), head].concat());
-    assert_eq!(server.poll_timeout(), None);
-    server.handle_timeout(MS + stall);
-    assert!(!server.wants_input());
-    let mut out = [0; 260];
-    assert!(server.poll_transmit(1000 * MS, &mut out).is_some());
-    assert!(server.wants_input());
-    assert_eq!(server.poll_timeout(), Some(1000 * MS + stall), "it reads again");
-    server.handle_input(1000 * MS + stall - MS, tail);
-    assert_eq!(transmitted(&mut server, 1500 * MS), [write(None, 1), write(None, 2)]);
-    assert_eq!(server.statistics().corrupt, 0);
-    // The same without the rest: it is not a frame when the server has read on for this long.
-    server.handle_input(2000 * MS, &[&write(None, 0), &write(None, 1), head].concat());
-    assert!(server.poll_transmit(3000 * MS, &mut out).is_some());
-    server.handle_timeout(3000 * MS + stall);
-    server.handle_input(4000 * MS, &write(None, 3));
-    server.handle_timeout(4000 * MS + stall - MS);
-    assert_eq!(server.statistics().corrupt, 0);
-    server.handle_timeout(4000 * MS + stall);
-    assert_eq!(server.statistics().corrupt, 1);
-}
-
-#[test]
-fn a_client_is_out_of_step_where_its_requests_have_waited() {
-    let mut server: Server<_, 2> = connected(ServerConfig::tcp());
-    let requests = (0..4).flat_map(|value| write(Some(value), value));
-    server.handle_input(MS, &requests.chain(*b"GET / HTTP/1.1\r\n\r\n").collect::<Vec<_>>());
-    let out_of_step = ServerEvent::OutOfStep(DecodeError::Protocol { found: 0x5420 });
-    assert!(core::iter::from_fn(|| server.poll_event()).all(|event| event != out_of_step), "not read yet");
-    assert_eq!(transmitted(&mut server, MS).len(), 4);
-    let last = core::iter::from_fn(|| server.poll_event()).last();
-    assert_eq!(last, Some(out_of_step));
-    server.handle_input(MS, b"GET");
-    assert_eq!(server.poll_event(), None, "it is reported once");
-    server.handle_connected(MS);
-    server.handle_input(MS, b"GET / HTTP/1.1\r\n\r\n");
-    assert_eq!(server.poll_event(), Some(out_of_step), "once a connection");
 }
 
 /// As many bytes as `MAX_INPUT` fit whenever input is wanted; a caller that gives more loses some, which is reported.
@@ -355,14 +227,6 @@ fn nothing_of_a_connection_reaches_the_next() {
     server.handle_input(3 * MS, &request);
     assert_eq!(transmitted(&mut server, 3 * MS).len(), 1);
     assert_eq!(server.statistics().unexpected, 1);
-}
-
-#[test]
-fn a_server_that_cannot_be_is_refused() {
-    let error = Server::<_, 1>::new(ServerConfig::rtu(0, 9600), Bank::new()).err();
-    assert_eq!(error, Some(ConfigError::Unit { found: 0 }));
-    let config = ServerConfig { unit: Some(0), ..ServerConfig::tcp() };
-    assert!(Server::<_, 1>::new(config, Bank::new()).is_ok(), "on TCP 0 is a unit");
 }
 
 #[test]

@@ -445,17 +445,16 @@ impl<const N: usize> ClientMachine<N> {
         }
         let (mut silent, mut equal, mut has_ended) = (SlotSet::default(), SlotSet::default(), false);
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
-            match held.stage {
-                Stage::InFlight { transaction, deadline, returned, .. } if is_due(deadline, now) => {
-                    held.stage = Stage::TimedOut { transaction };
-                    if returned { equal.insert(held.slot) } else { silent.insert(held.slot) }
-                }
+            if !held.deadline().is_some_and(|at| is_due(at, now)) {
+                continue;
+            }
+            if let Stage::InFlight { transaction, returned, .. } = held.stage {
+                held.stage = Stage::TimedOut { transaction };
+                if returned { equal.insert(held.slot) } else { silent.insert(held.slot) }
+            } else {
                 // A missing reply proves nothing: the line may have returned the bytes damaged, or may not have returned them
                 // this time.
-                Stage::Probing { deadline, .. } if is_due(deadline, now) => {
-                    held.stage = Stage::Queued { mirrored: false };
-                }
-                _ => continue,
+                held.stage = Stage::Queued { mirrored: false };
             }
             has_ended = true;
         }

@@ -112,10 +112,10 @@ impl RequestSlot {
     }
 
     /// Returns whether the reply to a read, as far as it has come, has the requested byte count.
-    const fn has_asked_count(&self, reply: &[u8]) -> bool {
+    fn has_asked_count(&self, reply: &[u8]) -> bool {
         match *reply {
-            [_, code, count, ..] if code < function::EXCEPTION && self.quantity > 0 => {
-                count as u16 == Row::of(code).bytes(self.quantity)
+            [_, code, count, ..] if code == self.pdu.function() && self.quantity > 0 => {
+                u16::from(count) == Row::of(code).bytes(self.quantity)
             }
             _ => true,
         }

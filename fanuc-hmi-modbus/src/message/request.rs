@@ -173,7 +173,7 @@ impl<'a> Request<'a> {
                         data: Words::from_wire(data),
                     },
                     _ => {
-                        let expected = (found | 1).max(5);
+                        let expected = found.max(4) + 1; // an odd length, 5 at least
                         return Err(DecodeError::PduLength { function, expected, found });
                     }
                 }

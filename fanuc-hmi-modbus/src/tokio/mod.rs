@@ -31,6 +31,7 @@ use crate::client::{ClientConfig, ClientEvent, Failure, Ticket};
 use crate::error::{ConfigError, EncodeError, Mismatch, SessionError, TextError};
 pub use crate::many::Block;
 use crate::many::join;
+use crate::message::function::Row;
 use crate::message::{Bits, Exception, PduBuf, Reply, Request, Words};
 use crate::position::PositionRegister;
 use crate::text;
@@ -242,8 +243,8 @@ impl Client {
         let quantity = number.kind.registers();
         let request = Request::ReadHoldingRegisters { address, quantity };
         match *self.words(&request).await?.as_slice() {
-            [word] if quantity == 1 => Ok(number.read([word, 0])),
-            [first, second] if quantity == 2 => Ok(number.read([first, second])),
+            [word] => Ok(number.read([word, 0])),
+            [first, second] => Ok(number.read([first, second])),
             ref words => Err(misfit(&request, words)),
         }
     }
@@ -383,13 +384,13 @@ fn run(addresses: &impl RangeBounds<u16>) -> (u16, u16) {
     let end = match addresses.end_bound() {
         Bound::Included(last) => u32::from(*last) + 1,
         Bound::Excluded(end) => u32::from(*end),
-        Bound::Unbounded => u32::from(u16::MAX) + 1,
+        Bound::Unbounded => 0x1_0000,
     };
     (first, u16::try_from(end.saturating_sub(first.into())).unwrap_or(u16::MAX))
 }
 
 /// Returns the error of a reply that does not fit, although the client has checked that it does.
 fn misfit(request: &Request<'_>, found: &[u16]) -> Error {
-    let expected = usize::from(request.quantity_read()) * 2;
-    Failure::Refused(Mismatch::Quantity { expected, found: found.len() * 2 }).into()
+    let expected = Row::of(request.function()).bytes(request.quantity_read()).into();
+    Failure::Refused(Mismatch::Quantity { expected, found: size_of_val(found) }).into()
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::robot_session::Encode as _;
 use fanuc_hmi_modbus::{
-    Frame, Pdu, PduBuf, PositionRegister, Reply, Request, TelemetryBlock, WordOrder, function,
+    Frame, Pdu, PduBuf, PositionRegister, Reply, Request, TelemetryBlock, WordOrder, function, limit,
 };
 use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
@@ -70,6 +70,18 @@ fn any_bytes_are_a_request_and_a_reply_that_decode_to_themselves() {
         "{replies:?}"
     );
     assert!(count > 39_000, "{count} of 40000 inputs are long enough");
+}
+
+#[test]
+fn the_data_of_a_function_without_a_type_fill_the_pdu() {
+    let longest = (0..=255).map(|length| {
+        let bytes = [&[19, 93, length][..], &[7; 300]].concat();
+        let Ok(request @ Request::Other { function: 100, .. }) = Unstructured::new(&bytes).arbitrary() else {
+            panic!("function 100, and a length")
+        };
+        PduBuf::new(&request).unwrap().encoded_len()
+    });
+    assert_eq!(longest.max(), Some(limit::PDU));
 }
 
 #[test]

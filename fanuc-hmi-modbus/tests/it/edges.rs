@@ -2,11 +2,12 @@
 
 use core::time::Duration;
 
+use crate::common::{MS, all, bytes, connected, read, sent, tcp};
 use fanuc_hmi_modbus::assignment::{AssignmentError, Setting, check};
-use fanuc_hmi_modbus::robot_session::Encode as _;
+use fanuc_hmi_modbus::robot_session::{Encode as _, Session};
 use fanuc_hmi_modbus::{
-    Assignment, Bits, BitsMut, DecodeError, EncodeError, Exception, Frame, Pdu, Registers, Reply, Request,
-    TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
+    Assignment, Bits, BitsMut, Client, ClientConfig, DecodeError, EncodeError, Exception, Frame, Pdu,
+    Registers, Reply, Request, TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
 };
 
 /// A server that overrides no method.
@@ -216,6 +217,31 @@ fn requests_that_are_cut_say_how_long_they_would_be() {
         }
     }
     assert_eq!(Reply::decode(&[5, 0, 0, 1, 0]), Err(DecodeError::CoilValue { found: 0x100 }));
+}
+
+#[test]
+fn a_stray_reply_names_the_transaction_that_was_expected() {
+    let mut client: Client = connected(tcp(1));
+    let reply = |transaction| bytes(Some(transaction), 1, Reply::HoldingRegisters(Words::from(&[7])));
+    let stray = |client: &mut Client| {
+        client.handle_input(MS, &reply(9));
+        client.poll_event().unwrap().to_string()
+    };
+    for expected in [1, 2] {
+        client.request(1, &read(0, 1)).unwrap();
+        assert_eq!(sent(&mut client, MS).len(), 1);
+        let text = format!("a reply with transaction 9, expected {expected} (unit 1, function 3)");
+        assert_eq!(stray(&mut client), text);
+        client.handle_input(MS, &reply(expected));
+        assert_eq!(all(&mut client).len(), 1);
+    }
+    assert_eq!(stray(&mut client), "a reply with transaction 9, expected none (unit 1, function 3)");
+}
+
+#[test]
+fn a_client_discards_what_is_older_than_its_timeout() {
+    let config = ClientConfig { timeout: 7 * MS, ..tcp(1) };
+    assert_eq!(Session::discards_after(&Client::<1>::new(config).unwrap()), Some(7 * MS));
 }
 
 #[test]

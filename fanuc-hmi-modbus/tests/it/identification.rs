@@ -161,26 +161,26 @@ fn a_diagnostic_is_answered_with_its_own_words_unless_the_device_changes_them() 
 
 #[test]
 fn objects_are_whole_and_fill_the_pdu() {
-    let objects = DeviceObjects::from_wire(&[0, 2, b'a', b'b', 1, 0, 7, 9, 1]);
+    let objects = DeviceObjects::from_wire(&[0, 3, b'a', b'b', b'c', 1, 0, 7, 9, 1]);
     let listed: Vec<_> = objects.iter().collect();
-    assert_eq!(listed, [(0, &b"ab"[..]), (1, b"")], "the last one is not whole");
-    assert_eq!((objects.get(0), objects.get(1), objects.get(7)), (Some(&b"ab"[..]), Some(&b""[..]), None));
-    assert_eq!(format!("{objects:?}"), "{0: [97, 98], 1: []}");
+    assert_eq!(listed, [(0, &b"abc"[..]), (1, b"")], "the last one is not whole");
+    assert_eq!((objects.get(0), objects.get(1), objects.get(7)), (Some(&b"abc"[..]), Some(&b""[..]), None));
+    assert_eq!(format!("{objects:?}"), "{0: [97, 98, 99], 1: []}");
     let it = DeviceIdentification { category: 1, conformity: 0x81, more: true, next: 5, objects };
     let reply = Reply::DeviceIdentification(it);
-    let whole = [43, 14, 1, 0x81, 0xFF, 5, 2, 0, 2, b'a', b'b', 1, 0];
+    let whole = [43, 14, 1, 0x81, 0xFF, 5, 2, 0, 3, b'a', b'b', b'c', 1, 0];
     let mut out = [0; limit::PDU];
-    assert_eq!((reply.encode(&mut out), reply.encoded_len()), (Ok(13), 13));
-    assert_eq!(out[..13], whole);
+    assert_eq!((reply.encode(&mut out), reply.encoded_len()), (Ok(14), 14));
+    assert_eq!(out[..14], whole);
     assert_eq!(Reply::decode(&whole), Ok(reply));
     let other = Request::ReadDeviceIdentification { category: 2, object: 0 };
     assert_eq!(reply.answers(&other), Err(Mismatch::Echo));
-    for (length, expected) in [(2, 7), (6, 7), (7, 9), (8, 9), (9, 11), (10, 11), (11, 13), (12, 13)] {
+    for (length, expected) in [(2, 7), (6, 7), (7, 9), (8, 9), (9, 12), (11, 12), (12, 14), (13, 14)] {
         let error = DecodeError::PduLength { function: 43, expected, found: length };
         assert_eq!(Reply::decode(&whole[..length]), Err(error), "{length}");
     }
     let long = [&whole[..], &[0]].concat();
-    let error = DecodeError::PduLength { function: 43, expected: 13, found: 14 };
+    let error = DecodeError::PduLength { function: 43, expected: 14, found: 15 };
     assert_eq!(Reply::decode(&long), Err(error));
     let odd = [43, 14, 1, 0x81, 1, 0, 0];
     let error = Reply::decode(&odd).unwrap_err();

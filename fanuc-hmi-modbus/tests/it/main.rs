@@ -15,6 +15,7 @@ mod files;
 mod handle;
 mod identification;
 mod line;
+mod look_alikes;
 #[cfg(feature = "tokio")]
 mod pipes;
 mod proof;

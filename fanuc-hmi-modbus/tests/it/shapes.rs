@@ -72,7 +72,9 @@ fn no_key_can_be_left_out_but_the_transaction() {
             less.as_object_mut().unwrap().remove(key);
             match read(&less) {
                 Ok(frame) if key == "transaction" => {
-                    assert_eq!((frame.transaction, frame.pdu), (None, whole.pdu))
+                    assert_eq!((frame.transaction, frame.pdu), (None, whole.pdu));
+                    less[key] = Value::Null;
+                    assert_eq!(read(&less).unwrap(), frame);
                 }
                 // The request of the same function.
                 Ok(frame) if key == "id" => assert_eq!(frame.pdu.as_bytes(), [17]),
@@ -112,6 +114,7 @@ fn what_a_frame_cannot_hold_says_what_is_wrong() {
     let bits = vec![1; 2001];
     for (object, expected) in [
         (json!([]), "invalid type: sequence, expected the object of a Modbus frame"),
+        (json!({"unit":256,"function":17}), "invalid value: integer `256`, expected u8"),
         (json!({"unit":1,"function":3,"colour":1}), "a key that no Modbus frame has"),
         (json!({"unit":1,"function":3}), "a key is missing: address"),
         (json!({"unit":1,"function":99}), "a key is missing: data"),
@@ -144,6 +147,10 @@ fn what_a_frame_cannot_hold_says_what_is_wrong() {
         (
             json!({"unit":1,"function":43,"objects":[{"id":1,"text":"\u{100}"}]}),
             "invalid value: string \"\u{100}\", expected a text of at most 255 characters up to U+00FF",
+        ),
+        (
+            json!({"unit":1,"function":43,"objects":7}),
+            "invalid type: integer `7`, expected a list of objects with id and text",
         ),
         (json!({"unit":1,"function":43,"objects":[{"id":1}]}), "missing field `text`"),
         (

@@ -9,12 +9,12 @@ use core::time::Duration;
 use std::io;
 use std::sync::Arc;
 
-use tokio::io::AsyncWriteExt as _;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::time::{sleep, timeout};
+use tokio::time::{advance, sleep, timeout};
 use val2_viewer::robot_session::tokio::{Dial, Driver, Link, Reconnect, Tcp};
 use val2_viewer::robot_session::{Session as _, now};
-use val2_viewer::tokio::{Error, host, workstation};
+use val2_viewer::tokio::{Error, Screen, host, workstation};
 use val2_viewer::{ENQ, Host, HostConfig, HostEvent, WorkstationConfig};
 
 const LONG: Duration = Duration::from_secs(20);
@@ -152,4 +152,52 @@ async fn a_pose_is_shown_when_the_workstation_asks_for_it_and_too_old_otherwise(
     assert!(matches!(why, Error::NotConnected(_) | Error::Stale), "{why:?}");
     screen.handle().shutdown().await;
     assert!(matches!(screen.show([7; 12]).await, Err(Error::Closed(_))));
+}
+
+/// A screen whose line takes one byte at a time, and that end of the line.
+async fn on_a_narrow_line(config: HostConfig) -> (Screen, DuplexStream) {
+    let (mut near, far) = tokio::io::duplex(1);
+    near.write_all(&[0]).await.unwrap();
+    let mut near = Some(near);
+    let dial = Dial(move || core::future::ready(near.take().ok_or(io::ErrorKind::NotConnected.into())));
+    let (screen, task) = host(config, dial).unwrap();
+    tokio::spawn(task.run());
+    screen.handle().connected().await.unwrap();
+    (screen, far)
+}
+
+/// The task has no time to end a pose before the next one is set.
+#[tokio::test(start_paused = true)]
+async fn a_pose_that_is_too_old_does_not_end_the_next_one() {
+    let config = HostConfig::default();
+    let (screen, mut workstation) = on_a_narrow_line(config).await;
+    let (old, new) = tokio::join!(screen.show([8; 12]), async {
+        sleep(MS).await;
+        let (_, new, ()) = tokio::join!(advance(config.max_age), screen.show([9; 12]), async {
+            workstation.read_u8().await.unwrap();
+            workstation.write_all(&[ENQ]).await.unwrap();
+        });
+        new
+    });
+    assert!(matches!(old, Err(Error::Replaced)), "{old:?}");
+    assert_eq!(new.unwrap().pose, [9; 12]);
+}
+
+/// The line was full when the packet of the previous pose was sent.
+#[tokio::test(start_paused = true)]
+async fn the_packet_of_a_pose_is_not_that_of_the_next_one() {
+    let config = HostConfig::default();
+    let (screen, mut workstation) = on_a_narrow_line(config).await;
+    let (previous, next) = tokio::join!(screen.show([8; 12]), async {
+        workstation.write_all(&[ENQ]).await.unwrap();
+        sleep(config.interval + MS).await;
+        let (next, ()) = tokio::join!(screen.show([9; 12]), async {
+            assert_eq!(workstation.read_u8().await.unwrap(), 0);
+            while workstation.read_u8().await.unwrap() != b'\n' {}
+            workstation.write_all(&[ENQ]).await.unwrap();
+        });
+        next
+    });
+    assert!(matches!(previous, Err(Error::Replaced)), "{previous:?}");
+    assert_eq!(next.unwrap().pose, [9; 12]);
 }

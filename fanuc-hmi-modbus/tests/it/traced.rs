@@ -95,6 +95,7 @@ async fn a_connection_and_its_calls_are_recorded() {
         "event=Replied",
         "outcome=Ok(",
         "event=OutOfStep(",
+        "robot_session: disconnected",
         "WARN connection",
         "the connection is lost reason=",
         "no connection reason=the cable is out",

@@ -51,7 +51,7 @@ pub(super) struct Connection<S: Service> {
     polls: Option<Polls>,
     /// Whether bytes were sent.
     pub(super) has_sent: bool,
-    /// Whether bytes were received.
+    /// Whether bytes, or their end, were received.
     pub(super) has_received: bool,
     /// The longest time for storing the state.
     stall: Duration,
@@ -282,8 +282,8 @@ impl<S: Service> Connection<S> {
             }
             WaitResult::Passed(passed) => passed,
         };
-        *has_sent |= passed.written.is_some_and(|written| written > 0);
-        *has_received |= passed.read.is_some_and(|read| read > 0);
+        *has_sent |= passed.written.is_some();
+        *has_received |= passed.read.is_some();
         let has_only_written = passed.read.is_none() && passed.written.is_some();
         if !has_only_written {
             clock.next();
@@ -348,9 +348,6 @@ impl<S: Service> Connection<S> {
             let Poll::Ready(Ok(passed)) = written.passed(Poll::Pending) else { return Ok(CallBytes::Part) };
             *has_sent = true;
             unsent.wrote(passed.written.unwrap_or_default(), passed.flushed, now);
-            if unsent.is_some() || unsent.unflushed {
-                return Ok(CallBytes::Part);
-            }
             served.prepare(unsent, out, now).map_err(ConnectionEnd::Unusable)?;
         }
         let is_all = !unsent.is_some() && !served.has_reported && timer.is_in_time(served.due(unsent, now));

@@ -28,13 +28,13 @@ impl Timer {
     /// Returns whether the task is woken in time without another [`poll`](Self::poll). A wait that has ended while nothing
     /// was due does not wake a task any more.
     pub(super) fn is_in_time(&self, due: Option<Duration>) -> bool {
-        let Some(due) = due.filter(|due| *due < Duration::MAX) else { return true };
+        let Some(due) = reachable(due) else { return true };
         self.0.as_ref().is_some_and(|armed| armed.at <= due && !armed.sleep.is_elapsed())
     }
 
     /// Polls a wait until `due`. With `None` and [`Duration::MAX`] it never ends.
     pub(super) fn poll(&mut self, context: &mut Context<'_>, due: Option<Duration>) -> Poll<()> {
-        let Some(due) = due.filter(|due| *due < Duration::MAX) else { return Poll::Pending };
+        let Some(due) = reachable(due) else { return Poll::Pending };
         let armed = match &mut self.0 {
             Some(armed) => armed,
             none => {
@@ -64,6 +64,11 @@ impl Timer {
             }
         }
     }
+}
+
+/// Returns a deadline, unless it is never: [`Duration::MAX`].
+fn reachable(due: Option<Duration>) -> Option<Duration> {
+    due.filter(|due| *due < Duration::MAX)
 }
 
 impl ArmedTimer {

@@ -17,7 +17,6 @@ use robot_session::Session;
 use robot_session::tokio::{
     Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, serve, spawn,
 };
-use socket2::SockRef;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, DuplexStream};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
@@ -200,40 +199,6 @@ async fn a_listener_goes_on_until_it_is_none_any_more() {
     assert!(serving(Type::DGRAM).await.is_err(), "it is tried again and again");
 }
 
-/// The system of a peer that accepts nobody answers no more than the first.
-#[cfg(target_os = "linux")]
-#[tokio::test(start_paused = true)]
-async fn an_attempt_takes_no_longer_than_it_may() {
-    use socket2::{Domain, Socket, Type};
-    let socket = || Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
-    let listener = socket();
-    listener.bind(&any().into()).unwrap();
-    listener.listen(0).unwrap();
-    let address = listener.local_addr().unwrap();
-    let first = [socket(), socket(), socket()];
-    for peer in &first {
-        peer.set_nonblocking(true).unwrap();
-        let _ = peer.connect(&address);
-    }
-    let dial = Tcp::new(address.as_socket().unwrap().to_string());
-    for (mut dial, most) in [(dial.clone(), 5000 * MS), (dial.timeout(300 * MS), 300 * MS)] {
-        let begun = tokio::time::Instant::now();
-        let error = dial.connect().await.unwrap_err();
-        assert_eq!((error.kind(), begun.elapsed()), (io::ErrorKind::TimedOut, most));
-    }
-}
-
-#[tokio::test]
-async fn every_connection_sends_at_once_and_notices_a_peer_without_power() {
-    let mut listen = Listen::bind(any()).await.unwrap();
-    let mut dial = Tcp::new(listen.address().unwrap().to_string());
-    let (dialled, accepted) = tokio::join!(dial.connect(), listen.connect());
-    for stream in [dialled.unwrap(), accepted.unwrap()] {
-        assert!(stream.nodelay().unwrap());
-        assert!(SockRef::from(&stream).keepalive().unwrap());
-    }
-}
-
 #[tokio::test]
 async fn datagrams_go_to_a_peer_that_comes_later() {
     let socket = UdpSocket::bind(any()).await.unwrap();
@@ -335,11 +300,13 @@ async fn a_peer_that_reads_nothing_is_given_up() {
         open.push(far);
         async { Ok(near) }
     });
-    let (handle, task) = spawn(Asker::new(&["1234567"]), Asking::default(), dial);
+    let (handle, task) = spawn(Asker::new(&[]), Asking::default(), dial);
     tokio::spawn(task.stall(100 * MS).reconnect(RECONNECT).run());
+    let _outcome = handle.begin(|reply| Ask("1234567", reply)).await.unwrap();
     let mut link = handle.link();
     let failed = link.wait_for(|link| matches!(link, Link::Failed(_)));
-    assert!(timeout(200 * MS, failed).await.is_ok());
+    let failed = timeout(200 * MS, failed).await.unwrap().unwrap().clone();
+    assert!(matches!(failed, Link::Failed(why) if why.to_string() == "the peer does not read"));
 }
 
 #[tokio::test(start_paused = true)]
@@ -496,7 +463,12 @@ async fn a_handle_and_its_task_show_what_they_are_about() {
         format!("{:?}", task.reconnect(FAST)),
         "Task { reconnect: Reconnect { first: 5ms, longest: 20ms }, .. }"
     );
-    let closed = handle.begin(|reply| Ask("one", reply)).await.unwrap_err();
+    let ask = |reply| {
+        let call = Ask("one", reply);
+        assert_eq!(format!("{call:?}"), r#"Ask("one", Reply)"#);
+        call
+    };
+    let closed = handle.begin(ask).await.unwrap_err();
     assert_eq!(closed.to_string(), "the task of the session has ended");
 }
 

@@ -92,9 +92,12 @@ async fn a_panic_of_the_service_ends_the_task_and_not_its_caller() {
     for _ in 0..3 {
         assert_eq!(ask(&handle, "one").await, Ok(Ok("one".into())));
     }
-    assert_eq!(ask(&handle, "panic").await, Err(Closed));
+    let panicking = handle.begin(|reply| Ask("panic", reply)).await.unwrap();
+    let waiting = handle.begin(|reply| Ask("two", reply)).await.unwrap();
+    assert_eq!(timeout(LONG, panicking).await, Ok(Err(Closed)));
     assert!(task.await.unwrap_err().is_panic());
-    assert_eq!(ask(&handle, "two").await, Err(Closed));
+    assert_eq!(timeout(LONG, waiting).await, Ok(Err(Closed)));
+    assert_eq!(ask(&handle, "three").await, Err(Closed));
 }
 
 /// The task is not polled between the call and the read at the peer's end.
@@ -222,4 +225,55 @@ async fn a_connection_that_its_caller_gives_up_is_replaced_with_delay_if_the_pee
     // A pause of 7.5 ms, but the timer counts whole milliseconds.
     let speaking = given_up(true).await;
     assert!((3200..=3800).contains(&speaking), "{speaking}");
+}
+
+/// Asks each peer something, and then finds it to be wrong.
+struct Wrong;
+
+impl Service for Wrong {
+    type Session = Asker;
+    type Call = Reply<String>;
+    type Event = ();
+
+    fn has_room(&self, _: &Asker) -> bool {
+        false
+    }
+
+    fn call(&mut self, _: &mut Asker, _: Duration, _: Reply<String>) {
+        panic!("it has no room");
+    }
+
+    fn event(&mut self, session: &mut Asker, event: Event, reports: &mut Reports<'_, ()>) {
+        match event {
+            Event::Connected => session.requests.push_back("name".into()),
+            Event::Answer(_) => reports.reconnect(io::Error::other("another robot")),
+            Event::NoAnswer(_) | Event::Disconnected => {}
+        }
+    }
+
+    fn refuse(&mut self, reply: Reply<String>, why: &Arc<io::Error>) {
+        let _ = reply.send(why.to_string());
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_peer_that_is_soon_found_to_be_wrong_gives_calls_no_more_time() {
+    let limit = 1000 * MS;
+    for (answers_after, is_usable) in [(200 * MS, false), (limit - MS, false), (limit, true)] {
+        let dial = Dial(move || {
+            let (near, mut far) = tokio::io::duplex(64);
+            tokio::spawn(async move {
+                far.read_exact(&mut [0; 5]).await.unwrap();
+                sleep(answers_after).await;
+                let _ = far.write_all(b"other\n").await;
+                far.read_u8().await
+            });
+            async { Ok(near) }
+        });
+        let (handle, task) = spawn(Asker::new(&[]), Wrong, dial);
+        tokio::spawn(task.give_up_after(limit).run());
+        let outcome = timeout(10 * limit, handle.call(|reply| reply)).await;
+        assert_eq!(outcome.is_err(), is_usable, "{answers_after:?}");
+        assert!(outcome.is_err() || outcome == Ok(Ok("another robot".into())));
+    }
 }

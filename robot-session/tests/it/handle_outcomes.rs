@@ -311,18 +311,22 @@ async fn the_limit_begins_when_a_usable_connection_is_lost() {
 
 #[tokio::test(start_paused = true)]
 async fn a_call_whose_state_cannot_be_stored_ends() {
-    for (disk, time, why) in [
-        (Disk::Fails, 300 * MS, "the disk is full"),
-        (Disk::Hangs, 2300 * MS, "the state was not stored in time"),
-    ] {
-        let (handle, task, received) = cell(disk, [Peer::Answers(MS)]);
-        tokio::spawn(task.stall(2 * S).run());
-        let (outcome, took) = timed(ask(&handle)).await;
-        assert_eq!(outcome, Ok(Ok(false)), "its bytes were to be sent");
-        assert_about(took, time);
-        assert!(matches!(&*handle.link().borrow(), Link::Failed(error) if error.to_string() == why));
-        assert_eq!(received.load(SeqCst), 0);
-        assert_about(timed(handle.shutdown()).await.1, Duration::ZERO);
+    // The task sends the first byte; later, while it sleeps, the caller does.
+    for (asleep, quiet) in [(Duration::ZERO, 300 * MS), (S, Duration::ZERO)] {
+        for (disk, time, why) in [
+            (Disk::Fails, quiet, "the disk is full"),
+            (Disk::Hangs, quiet + 2 * S, "the state was not stored in time"),
+        ] {
+            let (handle, task, received) = cell(disk, [Peer::Answers(MS)]);
+            tokio::spawn(task.stall(2 * S).run());
+            sleep(asleep).await;
+            let (outcome, took) = timed(ask(&handle)).await;
+            assert_eq!(outcome, Ok(Ok(false)), "its bytes were to be sent");
+            assert_about(took, time);
+            assert!(matches!(&*handle.link().borrow(), Link::Failed(error) if error.to_string() == why));
+            assert_eq!(received.load(SeqCst), 0);
+            assert_about(timed(handle.shutdown()).await.1, Duration::ZERO);
+        }
     }
 }
 

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod common;
+#[cfg(feature = "tokio")]
+mod connectors;
 #[cfg(feature = "contract")]
 mod contract;
 #[cfg(feature = "std")]
@@ -19,6 +21,8 @@ mod handle;
 mod handle_ends;
 #[cfg(feature = "tokio")]
 mod handle_outcomes;
+#[cfg(feature = "tokio")]
+mod polls;
 #[cfg(feature = "serialport")]
 mod serial;
 #[cfg(feature = "tokio-tls")]

@@ -20,6 +20,7 @@ use tokio::time::timeout;
 use crate::common::Asker;
 
 const LONG: Duration = Duration::from_secs(20);
+const MS: Duration = Duration::from_millis(1);
 
 struct Authority {
     folder: tempfile::TempDir,
@@ -257,25 +258,22 @@ fn exchange(end: &mut Secure) {
             SendOutcome::Part(length) => length,
             SendOutcome::Buffered | SendOutcome::Transmitted => bytes.len() - sent,
         };
-        if let ReceiveOutcome::Bytes(length) =
-            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1))).unwrap()
-        {
+        if let ReceiveOutcome::Bytes(length) = end.receive(&mut buffer, Wait::limited(MS)).unwrap() {
             read.extend_from_slice(&buffer[..length]);
         }
     }
     // Bytes that TLS must still send are written during a wait.
     for _ in 0..100 {
         assert_eq!(
-            end.receive(&mut buffer, Wait::limited(Duration::from_millis(1)))
-                .unwrap_or(ReceiveOutcome::Nothing),
+            end.receive(&mut buffer, Wait::limited(MS)).unwrap_or(ReceiveOutcome::Nothing),
             ReceiveOutcome::Nothing
         );
     }
     assert!(read == bytes);
 }
 
-#[tokio::test]
-async fn a_connection_that_is_dropped_ends_tls() {
+/// Returns the ends of a connection.
+async fn pair() -> [robot_session::tokio::tls::Secure; 2] {
     let authority = Authority::new("cell");
     let own = authority.sign("localhost", 2100);
     let mut listen =
@@ -284,8 +282,44 @@ async fn a_connection_that_is_dropped_ends_tls() {
     let mut dial =
         Tls::dial(Tcp::new(address), client(&authority.pem(), None).unwrap(), "localhost").unwrap();
     let (near, far) = tokio::join!(dial.connect(), listen.connect());
-    drop(far.unwrap());
-    assert_eq!(near.unwrap().read(&mut [0; 8]).await.unwrap(), 0);
+    [near.unwrap(), far.unwrap()]
+}
+
+#[tokio::test]
+async fn a_connection_that_is_dropped_ends_tls() {
+    let [mut near, far] = pair().await;
+    drop(far);
+    assert_eq!(near.read(&mut [0; 8]).await.unwrap(), 0);
+}
+
+#[tokio::test]
+async fn a_flush_sends_all_that_was_written() {
+    let [mut near, mut far] = pair().await;
+    let (mut written, mut read, mut buffer) = (0, 0, vec![0; 1 << 16]);
+    while let Ok(length) = timeout(MS, near.write(&buffer)).await {
+        written += length.unwrap();
+    }
+    let reads = async {
+        while read < written {
+            read += far.read(&mut buffer).await.unwrap();
+        }
+    };
+    let (flushed, reads) = tokio::join!(near.flush(), timeout(LONG, reads));
+    assert!(flushed.is_ok() && reads.is_ok(), "{read} of {written}");
+}
+
+#[tokio::test]
+async fn a_secure_connection_has_the_peer_and_the_options_of_its_tcp_connection() {
+    let authority = Authority::new("cell");
+    let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = server.local_addr().unwrap().to_string();
+    let mut dial =
+        Tls::dial(Tcp::new(&address), client(&authority.pem(), None).unwrap(), "localhost").unwrap();
+    assert_eq!(dial.peer(), Some(address));
+    dial.discard_after(LONG);
+    let _tcp = dial.tcp().clone().connect().await.unwrap();
+    #[cfg(target_os = "linux")]
+    assert_eq!(rustix::net::sockopt::tcp_user_timeout(&_tcp), Ok(20_000));
 }
 
 #[test]

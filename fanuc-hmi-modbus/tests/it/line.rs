@@ -3,87 +3,20 @@
 
 use core::time::Duration;
 
-use crate::common::{Bank, MS, bytes, transmitted};
+use crate::common::{Line, MS, bytes, transmitted, write};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::robot_session::end::End as _;
 use fanuc_hmi_modbus::timing::transmission_time;
 use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, DecodeError, Failure, Framing, Reply, Request, Server, ServerConfig,
+    Client, ClientConfig, ClientEvent, DecodeError, Failure, Framing, Reply, Request, ServerConfig,
     ServerEvent, Words,
 };
 
 const BAUDS: [u32; 7] = [1200, 2400, 9600, 19_200, 38_400, 57_600, 115_200];
 
-/// Returns a write of 0BADh to register 10 of a unit.
-fn write(unit: u8) -> Vec<u8> {
-    bytes(None, unit, Request::WriteRegister { address: 10, value: 0x0BAD })
-}
-
 /// Registers that look like a frame where the data of a message begins.
 fn words(frame: &[u8]) -> Vec<u16> {
     frame.chunks(2).map(|pair| u16::from_be_bytes([pair[0], *pair.get(1).unwrap_or(&0)])).collect()
-}
-
-struct Line {
-    server: Server<Bank>,
-    now: Duration,
-    character: Duration,
-}
-
-impl Line {
-    fn new(baud: u32) -> Self {
-        Self::with(ServerConfig::rtu(1, baud), baud)
-    }
-
-    fn with(config: ServerConfig, baud: u32) -> Self {
-        let mut server = Server::new(config, Bank::new()).unwrap();
-        server.handle_connected(Duration::ZERO);
-        Self { server, now: MS, character: transmission_time(1, baud) }
-    }
-
-    /// Sends byte by byte at the rate of the line, with a driver that checks after each byte.
-    fn send(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.now += self.character;
-            self.server.handle_timeout(self.now);
-            self.server.handle_input(self.now, &[*byte]);
-        }
-    }
-
-    /// Sends all bytes in one read.
-    fn lump(&mut self, bytes: &[u8]) {
-        self.server.handle_input(self.now, bytes);
-    }
-
-    /// Sends nothing for this time, which the driver observes.
-    fn pause(&mut self, time: Duration) {
-        self.now += time;
-        self.server.handle_timeout(self.now);
-    }
-
-    /// Waits for the silence that ends a frame; returns the server's answers.
-    fn silence(&mut self) -> Vec<Vec<u8>> {
-        self.pause(self.server.config().framing.silence().unwrap());
-        transmitted(&mut self.server, self.now)
-    }
-
-    fn written(&mut self) -> Vec<(u16, u16)> {
-        core::mem::take(&mut self.server.registers_mut().writes)
-    }
-
-    /// Lets the rest of an incomplete frame time out.
-    fn give_up(&mut self) {
-        self.pause(self.server.config().frame_timeout);
-    }
-
-    /// Checks that a request is served after a silence, and after the rest of an incomplete frame was given up.
-    fn is_served(&mut self) {
-        assert_eq!(self.silence(), [] as [Vec<u8>; 0]);
-        self.give_up();
-        self.send(&write(1));
-        assert_eq!(self.silence(), [write(1)]);
-        assert_eq!(self.written(), [(10, 0x0BAD)]);
-    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use crate::common::{Bank, MS, bytes, read, transmitted};
+use crate::common::{Bank, Line, MS, bytes, read, transmitted};
 use fanuc_hmi_modbus::robot_session::end::End;
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Session as _};
 use fanuc_hmi_modbus::{DecodeError, Exception, Framing, Reply, Request, Server, ServerConfig, ServerEvent};
@@ -64,29 +64,18 @@ fn the_decoder_of_a_server_gives_the_frame_and_its_end() {
     }
 }
 
-/// A server on a serial line, and what it does with messages in pieces, each with a silence after it.
-struct Pieces {
-    server: Server<Bank, 2>,
-    now: Duration,
+fn line() -> Line {
+    let framing = Framing::Rtu { silence: 2 * MS };
+    Line::with(ServerConfig { framing, ..ServerConfig::rtu(1, 19_200) }, 19_200)
 }
 
-impl Pieces {
-    fn new() -> Self {
-        let framing = Framing::Rtu { silence: 2 * MS };
-        Self { server: server(ServerConfig { framing, ..ServerConfig::rtu(1, 19_200) }), now: MS }
-    }
-
-    /// Returns the replies after the last silence.
-    fn get(&mut self, pieces: &[&[u8]]) -> Vec<Vec<u8>> {
-        let mut replies = Vec::new();
-        for piece in pieces {
-            self.server.handle_input(self.now, piece);
-            self.now += 4 * MS;
-            self.server.handle_timeout(self.now);
-            replies = transmitted(&mut self.server, self.now);
-        }
-        replies
-    }
+/// Returns the replies after the last of these pieces; each has a silence after it.
+fn last_replies(line: &mut Line, pieces: &[&[u8]]) -> Vec<Vec<u8>> {
+    let replies = pieces.iter().map(|piece| {
+        line.lump(piece);
+        line.silence()
+    });
+    replies.last().unwrap_or_default()
 }
 
 const NOTHING: [Vec<u8>; 0] = [];
@@ -102,8 +91,8 @@ fn a_message_that_is_not_whole_frames_is_dropped_whole() {
         let whole = bytes(None, unit, Request::WriteRegister { address: 1, value: 7 });
         let mut damaged = bytes(None, 1, Request::WriteRegister { address: 2, value: 7 });
         *damaged.last_mut().unwrap() ^= 1;
-        let mut line = Pieces::new();
-        assert_eq!(line.get(&[&[whole, damaged].concat()]), NOTHING);
+        let mut line = line();
+        assert_eq!(last_replies(&mut line, &[&[whole, damaged].concat()]), NOTHING);
         assert_eq!(line.server.registers_mut().writes, []);
         let events: Vec<_> = core::iter::from_fn(|| line.server.poll_event()).collect();
         assert!(matches!(events[..], [ServerEvent::Corrupt(_)]), "{events:?}");
@@ -115,24 +104,28 @@ fn a_message_that_is_not_whole_frames_is_dropped_whole() {
 fn a_request_after_bytes_without_a_length_is_served_in_time() {
     let request = bytes(None, 1, Request::WriteRegister { address: 1, value: 7 });
     for before in [0, 127] {
-        let mut line = Pieces::new();
+        let mut line = line();
         for _ in 0..before {
-            assert_eq!(line.get(&[&request]), [&request[..]]);
+            assert_eq!(last_replies(&mut line, &[&request]), [&request[..]]);
             while line.server.poll_event().is_some() {}
         }
         // With 127 requests before it, the pieces pass the end of the buffer.
-        assert_eq!(line.get(&[&unknown(2, &[9; 3])[..5], &request]), [&request[..]], "{before}");
+        assert_eq!(
+            last_replies(&mut line, &[&unknown(2, &[9; 3])[..5], &request]),
+            [&request[..]],
+            "{before}"
+        );
     }
 }
 
 #[test]
 fn a_request_without_a_length_is_answered_in_three_pieces() {
-    let mut line = Pieces::new();
+    let mut line = line();
     let write = bytes(None, 1, Request::WriteRegister { address: 1, value: 7 });
-    assert_eq!(line.get(&[&write]), [&write[..]]);
+    assert_eq!(last_replies(&mut line, &[&write]), [&write[..]]);
     let request = unknown(1, &[7; 12]);
     let exception = Reply::Exception { function: 0x64, exception: Exception::IllegalFunction };
-    let replies = line.get(&[&request[..5], &request[5..10], &request[10..]]);
+    let replies = last_replies(&mut line, &[&request[..5], &request[5..10], &request[10..]]);
     assert_eq!(replies, [bytes(None, 1, exception)]);
 }
 
@@ -146,11 +139,12 @@ fn a_frame_that_would_be_too_long_is_not_waited_for_through_tcp() {
 /// A reply of three bytes of coils has the length of a request to read some, which may have the same bytes.
 #[test]
 fn a_request_that_equals_the_reply_before_is_served() {
-    let mut line = Pieces::new();
+    let mut line = line();
     line.server.registers_mut().coils = core::array::from_fn(|at| [0, 16].contains(&at));
-    let replies = line.get(&[&bytes(None, 1, Request::ReadCoils { address: 0, quantity: 24 })]);
+    let replies =
+        last_replies(&mut line, &[&bytes(None, 1, Request::ReadCoils { address: 0, quantity: 24 })]);
     let again = bytes(None, 1, Request::ReadCoils { address: 0x0301, quantity: 1 });
     assert_eq!(replies, [&again[..]]);
     let exception = Reply::Exception { function: 1, exception: Exception::IllegalDataAddress };
-    assert_eq!(line.get(&[&again]), [bytes(None, 1, exception)]);
+    assert_eq!(last_replies(&mut line, &[&again]), [bytes(None, 1, exception)]);
 }

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::common::echo::Echo;
+use crate::common::reporting::Reporting;
 use crate::common::{Asker, Event};
 use robot_session::Session;
 use robot_session::tokio::{
@@ -421,19 +422,6 @@ impl Session for Looks {
     fn statistics(&self) {}
 }
 
-struct Looking;
-
-impl Service for Looking {
-    type Session = Looks;
-    type Call = ();
-    type Event = usize;
-    fn call(&mut self, _: &mut Looks, _: Duration, (): ()) {}
-    fn event(&mut self, _: &mut Looks, event: usize, reports: &mut Reports<'_, usize>) {
-        reports.event(event);
-    }
-    fn refuse(&mut self, (): (), _: &Arc<io::Error>) {}
-}
-
 #[tokio::test(start_paused = true)]
 async fn a_wake_makes_the_session_look_at_what_is_neither_bytes_nor_time() {
     let set = Arc::new(AtomicUsize::new(0));
@@ -443,7 +431,7 @@ async fn a_wake_makes_the_session_look_at_what_is_neither_bytes_nor_time() {
         let pipe = pipes.pop().ok_or_else(|| io::Error::other("no more pipes"));
         async { pipe }
     });
-    let (handle, task) = spawn(Looks(Arc::clone(&set), 0), Looking, dial);
+    let (handle, task) = spawn(Looks(Arc::clone(&set), 0), Reporting::NEW, dial);
     tokio::spawn(task.run());
     handle.connected().await.unwrap();
     let mut events = handle.events();

@@ -11,7 +11,8 @@ use core::time::Duration;
 use std::io;
 use std::sync::{Arc, Mutex};
 
-use crate::common::echo::{Echo, EchoEvent};
+use crate::common::echo::Echo;
+use crate::common::reporting::Reporting;
 use crate::common::{Asker, Event};
 use robot_session::tokio::{Connector, Dial, Driver, Handle, Reply, Reports, Service, spawn};
 use robot_session::{EndReason, now};
@@ -303,27 +304,10 @@ async fn after_a_deadline_another_one_ends_a_turn_and_one_that_is_never_does_not
     assert!(timeout(LONG, turn).await.is_err());
 }
 
-/// Reports every event.
-struct Reporting;
-
-impl Service for Reporting {
-    type Session = Echo;
-    type Call = ();
-    type Event = EchoEvent;
-
-    fn call(&mut self, _: &mut Echo, _: Duration, (): ()) {}
-
-    fn event(&mut self, _: &mut Echo, event: EchoEvent, reports: &mut Reports<'_, EchoEvent>) {
-        reports.event(event);
-    }
-
-    fn refuse(&mut self, (): (), _: &Arc<io::Error>) {}
-}
-
 #[tokio::test(start_paused = true)]
 async fn what_a_session_does_not_want_yet_stays_in_its_pipe() {
     let (pipe, mut far) = duplex(4);
-    let (handle, task) = spawn(Echo::new(S), Reporting, once(pipe));
+    let (handle, task) = spawn(Echo::new(S), Reporting::NEW, once(pipe));
     tokio::spawn(task.run());
     far.write_all(b"abcd").await.unwrap();
     handle.connected().await.unwrap();

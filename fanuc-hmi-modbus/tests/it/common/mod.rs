@@ -3,10 +3,12 @@
 
 use core::time::Duration;
 
+use fanuc_hmi_modbus::robot_session::end::End as _;
 use fanuc_hmi_modbus::robot_session::{Encode as _, Session};
+use fanuc_hmi_modbus::timing::transmission_time;
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Frame, Mismatch,
-    Registers, Reply, Request, Ticket, Words, WordsMut,
+    Registers, Reply, Request, Server, ServerConfig, Ticket, Words, WordsMut,
 };
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -139,4 +141,72 @@ pub fn bytes<P: fanuc_hmi_modbus::Pdu>(transaction: Option<u16>, unit: u8, pdu: 
     let mut out = [0; 260];
     let len = Frame { transaction, unit, pdu }.encode(&mut out).unwrap();
     out[..len].to_vec()
+}
+
+/// Returns a write of 0BADh to register 10 of a unit.
+pub fn write(unit: u8) -> Vec<u8> {
+    bytes(None, unit, Request::WriteRegister { address: 10, value: 0x0BAD })
+}
+
+/// A server on a line with other units.
+pub struct Line {
+    pub server: Server<Bank>,
+    pub now: Duration,
+    pub character: Duration,
+}
+
+impl Line {
+    pub fn new(baud: u32) -> Self {
+        Self::with(ServerConfig::rtu(1, baud), baud)
+    }
+
+    pub fn with(config: ServerConfig, baud: u32) -> Self {
+        let mut server = Server::new(config, Bank::new()).unwrap();
+        server.handle_connected(Duration::ZERO);
+        Self { server, now: MS, character: transmission_time(1, baud) }
+    }
+
+    /// Sends byte by byte at the rate of the line, with a driver that checks after each byte.
+    pub fn send(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.now += self.character;
+            self.server.handle_timeout(self.now);
+            self.server.handle_input(self.now, &[*byte]);
+        }
+    }
+
+    /// Sends all bytes in one read.
+    pub fn lump(&mut self, bytes: &[u8]) {
+        self.server.handle_input(self.now, bytes);
+    }
+
+    /// Sends nothing for this time, which the driver observes.
+    pub fn pause(&mut self, time: Duration) {
+        self.now += time;
+        self.server.handle_timeout(self.now);
+    }
+
+    /// Waits for the silence that ends a frame; returns the server's answers.
+    pub fn silence(&mut self) -> Vec<Vec<u8>> {
+        self.pause(self.server.config().framing.silence().unwrap());
+        transmitted(&mut self.server, self.now)
+    }
+
+    pub fn written(&mut self) -> Vec<(u16, u16)> {
+        core::mem::take(&mut self.server.registers_mut().writes)
+    }
+
+    /// Lets the rest of an incomplete frame time out.
+    pub fn give_up(&mut self) {
+        self.pause(self.server.config().frame_timeout);
+    }
+
+    /// Checks that a request is served after a silence, and after the rest of an incomplete frame was given up.
+    pub fn is_served(&mut self) {
+        assert_eq!(self.silence(), [] as [Vec<u8>; 0]);
+        self.give_up();
+        self.send(&write(1));
+        assert_eq!(self.silence(), [write(1)]);
+        assert_eq!(self.written(), [(10, 0x0BAD)]);
+    }
 }

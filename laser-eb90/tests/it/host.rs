@@ -154,4 +154,6 @@ fn what_answers_no_query_leaves_the_values_of_the_last() {
 fn bytes_that_nobody_has_taken_are_discarded_when_the_answer_is_given_up() {
     let config = HostConfig { answer_timeout: MS * 700, ..HostConfig::default() };
     assert_eq!(Session::discards_after(&host(config)), Some(MS * 700));
+    let never = HostConfig { answer_timeout: Duration::MAX, ..config };
+    assert_eq!(Session::discards_after(&host(never)), None);
 }

@@ -99,3 +99,26 @@ impl<'a, I: Arbitrary<'a>, C: Arbitrary<'a>> Arbitrary<'a> for Step<I, C> {
 pub(super) fn all<'a, T: Arbitrary<'a>>(u: &mut Unstructured<'a>) -> Result<Vec<T>> {
     Ok(iter::from_fn(|| if u.is_empty() { None } else { u.arbitrary().ok() }).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::super::Rng;
+    use super::*;
+
+    #[test]
+    fn every_step_is_drawn_and_short_and_long_times() {
+        let bytes = Rng::new(1).bytes(4000);
+        let steps: Vec<Step<u8, u8>> = all(&mut Unstructured::new(&bytes)).unwrap();
+        let kinds: HashSet<_> = steps.iter().map(core::mem::discriminant).collect();
+        assert_eq!(kinds.len(), 10);
+        let later = |step: &_| if let Step::Later(time) = step { Some(*time) } else { None };
+        let [mut shortest, mut longest] = [Duration::MAX, Duration::ZERO];
+        for time in steps.iter().filter_map(later) {
+            (shortest, longest) = (shortest.min(time), longest.max(time));
+        }
+        assert!(shortest < Duration::from_millis(1), "{shortest:?}");
+        assert!((10..138).contains(&longest.as_secs()), "{longest:?}");
+    }
+}

@@ -23,7 +23,7 @@ pub fn session(subject: &impl Subject, seeds: u64) {
         let mut steps = all(&mut Unstructured::new(&bytes)).unwrap();
         steps.truncate(60);
         let mut script = Script {
-            configuration: (seed % subject.configurations() as u64) as u16,
+            configuration: seed as u16,
             is_endless: false,
             is_careless: seed.is_multiple_of(4),
             ends: seed.is_multiple_of(3),

@@ -143,6 +143,8 @@ fn what_is_wrong_names_the_values() {
     let expected =
         "it has no setting `speed`: it has n0, n1, n2, n3, n4, n5, n6, n7, n8, n9, n10, n11, and 3 more";
     assert_eq!(no_setting("it", "speed", &many), expected);
+    let expected = expected.replace(", and 3 more", "");
+    assert_eq!(no_setting("it", "speed", &many[..12]), expected);
     assert_eq!(error("payload=2.6"), "payload=2.6: out of range, give 0 to 2.5 kg");
     assert_eq!(error("payload=much"), "payload=much: not a number, give 0 to 2.5 kg");
     assert_eq!(error("journal=[1]"), "journal=[1]: not a text, give a file; without it nothing is kept");
@@ -152,6 +154,22 @@ fn what_is_wrong_names_the_values() {
     let dotted = Map::from_iter([("arm.clamp".into(), json!(true))]);
     let error = read("puma", CONFIG, &dotted).unwrap_err().to_string();
     assert_eq!(error, "arm.clamp in one name: give what is before a dot as a table");
+}
+
+#[test]
+fn names_are_similar_within_a_table_and_within_bounds() {
+    let all = ["mode", "arm.clamp"];
+    for (unknown, names, meant) in [
+        // The table is known, and has no such name.
+        ("arm.mdoe", all, ""),
+        ("amr.clamp", all, "; did you mean `arm.clamp`?"),
+        // 0.75 is too little.
+        ("abcd", ["abcuvw", "other"], ""),
+        // 0.05 less than the most similar name.
+        ("abcd", ["abcx", "abcuv"], "; did you mean `abcx`?"),
+    ] {
+        assert_eq!(did_you_mean(unknown, &names), meant, "{unknown}");
+    }
 }
 
 #[test]

@@ -181,7 +181,6 @@ impl Layer {
     fn decrypted(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let is_served = matches!(&self.connection, Connection::Server(server) if !server.is_handshaking());
         self.connection.reader().read(buffer).map_err(|error| match error.kind() {
-            ErrorKind::WouldBlock => error,
             // A server whose handshake is over has accepted its client, and is accepted.
             kind @ ErrorKind::UnexpectedEof if is_served => {
                 io::Error::new(kind, "the client has closed the connection without ending TLS")
@@ -257,7 +256,7 @@ impl Transport for Secure {
     fn receive(&mut self, buffer: &mut [u8], mut wait: Wait<'_>) -> io::Result<ReceiveOutcome> {
         let Self { stream, tls } = self;
         let read = match tls.decrypted(buffer) {
-            Err(error) if is_silence(&error) => {
+            Err(_) => {
                 tls.flush(&mut NonBlocking(stream))?;
                 wait.room |= tls.connection.wants_write();
                 if !wait.readable(&*stream)? {
@@ -298,5 +297,36 @@ impl Transport for Secure {
 impl Drop for Secure {
     fn drop(&mut self) {
         self.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use ::rustls::RootCertStore;
+
+    use super::*;
+
+    /// Returns a client's end whose handshake has this time left, its connection, and the peer, which is silent.
+    fn with_silent_peer(left: Duration) -> (Layer, TcpStream, TcpListener) {
+        let config =
+            ClientConfig::builder().with_root_certificates(RootCertStore::empty()).with_no_client_auth();
+        let connection = ClientConnection::new(config.into(), server_name("robot").unwrap()).unwrap();
+        let begun = Instant::now().checked_sub(HANDSHAKE.saturating_sub(left)).unwrap();
+        let peer = TcpListener::bind("127.0.0.1:0").unwrap();
+        let stream = TcpStream::connect(peer.local_addr().unwrap()).unwrap();
+        (Layer { connection: connection.into(), begun }, stream, peer)
+    }
+
+    #[test]
+    fn a_handshake_with_a_silent_peer_ends_in_time() {
+        let (tls, stream, _peer) = with_silent_peer(Duration::from_millis(50));
+        assert_eq!(Secure::shake_hands(stream, tls).unwrap_err().kind(), ErrorKind::TimedOut);
+        let (mut tls, mut stream, _peer) = with_silent_peer(HANDSHAKE);
+        assert!(!tls.shake_hands(&mut NonBlocking(&mut stream)).unwrap());
+        let (mut tls, mut stream, _peer) = with_silent_peer(Duration::ZERO);
+        let late = tls.shake_hands(&mut NonBlocking(&mut stream)).unwrap_err();
+        assert_eq!(late.kind(), ErrorKind::TimedOut);
     }
 }

@@ -239,6 +239,11 @@ fn is_found_by_scripts<const FAULT: u8>() -> bool {
 }
 
 #[test]
+fn bytes_are_never_discarded_unless_the_session_says_so() {
+    assert_eq!(OfTheToy::<0>.session(0, false).discards_after(), None);
+}
+
+#[test]
 fn each_broken_rule_of_a_session_is_found_by_scripts() {
     assert!(!is_found_by_scripts::<0>());
     assert!(is_found_by_scripts::<IS_DEAF_WHEN_IT_WAITS>());

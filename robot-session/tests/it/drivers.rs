@@ -444,6 +444,10 @@ impl Transport for Line {
         Ok(SendOutcome::Buffered)
     }
 
+    fn discard_after(&mut self, after: Duration) -> io::Result<()> {
+        if after.is_zero() { Err(ErrorKind::InvalidInput.into()) } else { Ok(()) }
+    }
+
     fn wait_for_room(&mut self, _: Wait<'_>) -> io::Result<()> {
         self.0 += Duration::from_secs(1);
         Err(ErrorKind::Unsupported.into())
@@ -463,6 +467,7 @@ fn a_borrowed_transport_is_the_transport() {
         ReceiveOutcome::Bytes(1)
     );
     assert_eq!((byte, Transport::now(&borrowed)), ([b'a'], Duration::from_secs(2)));
+    assert!(Transport::discard_after(&mut borrowed, Duration::ZERO).is_err());
 }
 
 #[test]

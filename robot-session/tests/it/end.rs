@@ -6,7 +6,7 @@ use crate::common::echo::{Echo, EchoEvent, EchoMachine, EchoStatistics, Input};
 use robot_session::end::End as _;
 #[cfg(feature = "model")]
 use robot_session::end::Rules;
-use robot_session::{Session as _, Step, Steps, Unexpected};
+use robot_session::{Session, Step, Steps, Unexpected};
 
 /// Returns the bytes that the end sends and the events that it reports until it is idle.
 fn settled(echo: &mut Echo, now: Duration) -> (Vec<u8>, Vec<EchoEvent>) {
@@ -94,6 +94,11 @@ fn more_is_wanted_when_what_waits_is_read() {
     assert!(!echo.wants_input(), "there is room, and the fourth waits");
     assert_eq!(settled(&mut echo, Duration::ZERO), (b"d".to_vec(), vec![EchoEvent::Answered(b'd')]));
     assert!(echo.wants_input());
+}
+
+#[test]
+fn bytes_are_never_discarded_unless_the_end_says_so() {
+    assert_eq!(Session::discards_after(&Echo::new(Duration::ZERO)), None);
 }
 
 #[test]

@@ -4,14 +4,18 @@
 
 use core::time::Duration;
 use std::io;
+use std::net::Shutdown;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
-use robot_session::tls::{FileError, Identity, Secure, client, server};
+use robot_session::tls::rustls::pki_types::CertificateDer;
+use robot_session::tls::rustls::pki_types::pem::PemObject as _;
+use robot_session::tls::{FileError, Identity, Layer, Secure, client, server};
 use robot_session::tokio::tls::{Tls, serve};
 use robot_session::tokio::{Connector, Listen, Tcp};
-use robot_session::{ReceiveOutcome, SendOutcome, Transport as _, Wait};
+use robot_session::{ReceiveOutcome, SendOutcome, Transport as _, Wait, now};
+use socket2::SockRef;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
@@ -21,6 +25,7 @@ use crate::common::Asker;
 
 const LONG: Duration = Duration::from_secs(20);
 const MS: Duration = Duration::from_millis(1);
+const SHORT: Duration = Duration::from_millis(20);
 
 struct Authority {
     folder: tempfile::TempDir,
@@ -339,4 +344,81 @@ fn a_client_of_std_without_a_certificate_is_told() {
         .unwrap_err();
     assert_eq!(said.to_string(), "TLS: the peer requires a certificate: give one with its key");
     assert_eq!(far.join().unwrap(), "TLS: the client has no certificate, and has to have one");
+}
+
+/// Returns the ends of a client and of a server in a loop of many connections, which waits for no handshake.
+fn ends_of_a_loop() -> [Secure; 2] {
+    let authority = Authority::new("cell");
+    let (own, person) = (authority.sign("localhost", 2100), authority.sign("operator", 2100));
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let near = std::net::TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    SockRef::from(&near).set_recv_buffer_size(10_000).unwrap(); // less than TLS holds for a peer that does not read
+    let config = client(&authority.pem(), Some(identity(&person))).unwrap();
+    let near = std::thread::spawn(|| Secure::dial(near, config, "localhost").unwrap());
+    let mut far = listener.accept().unwrap().0;
+    far.set_nonblocking(true).unwrap();
+    SockRef::from(&far).set_send_buffer_size(10_000).unwrap();
+    let mut layer = Layer::accept(server(identity(&own), Some(&authority.pem())).unwrap()).unwrap();
+    while !layer.shake_hands(&mut far).unwrap() {
+        assert!(Wait::limited(LONG).readable(&far).unwrap());
+    }
+    let shown = CertificateDer::from_pem_file(&person[0]).unwrap();
+    assert_eq!(layer.peer_certificate(), Some(&*shown));
+    [near.join().unwrap(), Secure::new(far, layer)]
+}
+
+#[test]
+fn bytes_for_a_peer_that_reads_late_are_sent_as_soon_as_there_is_room() {
+    let [mut near, mut far] = ends_of_a_loop();
+    // The server's tickets have come, and no byte for the session.
+    assert_eq!(near.receive(&mut [0], Wait::limited(LONG)).unwrap(), ReceiveOutcome::Nothing);
+    far.discard_after(LONG).unwrap();
+    #[cfg(target_os = "linux")]
+    assert_eq!(SockRef::from(far.stream()).tcp_user_timeout().unwrap(), Some(LONG));
+    let bytes = [7; 100_000];
+    assert_eq!(far.send(&bytes[..9]).unwrap(), SendOutcome::Buffered);
+    let (mut sent, mut refused) = (9, 0);
+    // For a while the system of the peer still takes bytes from this one.
+    while refused < 5 {
+        let begin = now();
+        match far.send(&bytes).unwrap() {
+            SendOutcome::Part(0) => {
+                far.wait_for_room(Wait::limited(SHORT)).unwrap();
+                refused = if now() - begin < SHORT { 0 } else { refused + 1 };
+            }
+            SendOutcome::Part(length) => (sent, refused) = (sent + length, 0),
+            SendOutcome::Buffered | SendOutcome::Transmitted => (sent, refused) = (sent + bytes.len(), 0),
+        }
+    }
+    assert!(far.connection().wants_write());
+    let reader = std::thread::spawn(move || {
+        let mut buffer = [0; 4096];
+        std::thread::sleep(SHORT); // the server waits for room
+        while sent > 0 {
+            match near.receive(&mut buffer, Wait::limited(LONG)).unwrap() {
+                ReceiveOutcome::Bytes(length) => sent -= length,
+                ReceiveOutcome::Nothing => {}
+                ReceiveOutcome::Closed => panic!("{sent} bytes are lost"),
+            }
+        }
+        assert_eq!(near.send(b"!").unwrap(), SendOutcome::Buffered);
+        near
+    });
+    let begin = now();
+    while far.receive(&mut [0], Wait::limited(LONG)).unwrap() != ReceiveOutcome::Bytes(1) {}
+    assert!(now() - begin < LONG / 2, "the rest was not sent");
+    far.wait_for_room(Wait::default()).unwrap();
+    reader.join().unwrap();
+}
+
+#[test]
+fn the_end_of_a_connection_that_does_not_end_tls_is_an_error() {
+    let [mut near, mut far] = ends_of_a_loop();
+    let end_of = |end: &mut Secure| end.receive(&mut [0], Wait::limited(LONG)).unwrap_err().to_string();
+    near.stream().shutdown(Shutdown::Write).unwrap();
+    let ended = "the client has closed the connection without ending TLS";
+    assert_eq!([end_of(&mut far), end_of(&mut far)], [ended; 2], "however often it is asked");
+    far.stream().shutdown(Shutdown::Write).unwrap();
+    let ended = "the peer has closed the connection without ending TLS: it may not speak TLS, or refuse our certificate";
+    assert_eq!(end_of(&mut near), ended);
 }

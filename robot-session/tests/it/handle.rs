@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::common::echo::Echo;
-use crate::common::reporting::Reporting;
 use crate::common::{Asker, Event};
+use crate::reporting::Reporting;
 use robot_session::Session;
 use robot_session::tokio::{
     Connector, Dial, Handle, Link, Listen, Reconnect, Reply, Reports, Service, Tcp, Udp, serve, spawn,

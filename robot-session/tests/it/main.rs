@@ -23,6 +23,8 @@ mod handle_ends;
 mod handle_outcomes;
 #[cfg(feature = "tokio")]
 mod polls;
+#[cfg(feature = "tokio")]
+mod reporting;
 #[cfg(feature = "serialport")]
 mod serial;
 #[cfg(feature = "tokio-tls")]

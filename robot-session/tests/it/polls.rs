@@ -12,8 +12,8 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use crate::common::echo::Echo;
-use crate::common::reporting::Reporting;
 use crate::common::{Asker, Event};
+use crate::reporting::Reporting;
 use robot_session::tokio::{Connector, Dial, Driver, Handle, Reply, Reports, Service, spawn};
 use robot_session::{EndReason, now};
 use tokio::io::{

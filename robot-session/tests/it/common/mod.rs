@@ -2,8 +2,6 @@
 #![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
 pub mod echo;
-#[cfg(feature = "tokio")]
-pub mod reporting;
 
 use core::time::Duration;
 use std::collections::VecDeque;

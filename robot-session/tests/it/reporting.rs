@@ -9,10 +9,10 @@ use robot_session::Session;
 use robot_session::tokio::{Reports, Service};
 
 /// Reports every event.
-pub struct Reporting<S>(PhantomData<S>);
+pub(crate) struct Reporting<S>(PhantomData<S>);
 
 impl<S> Reporting<S> {
-    pub const NEW: Self = Self(PhantomData);
+    pub(crate) const NEW: Self = Self(PhantomData);
 }
 
 impl<S: Session<Event: Clone + Send> + Send> Service for Reporting<S> {

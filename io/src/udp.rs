@@ -1,10 +1,12 @@
 //! Datagrams to and from one peer.
 
-use std::io::{self, ErrorKind};
+use std::io;
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{ReceiveOutcome, SendOutcome, Transport, Wait, is_lost_datagram, is_silence};
+use robot_session::{
+    ReceiveOutcome, SendOutcome, Transport, Wait, is_lost_datagram, is_silence, is_unsendable,
+};
 
 use crate::tcp::{advise, warn_unless_loopback};
 
@@ -99,8 +101,8 @@ impl Transport for Datagrams {
             None => self.socket.send(bytes),
         };
         match sent {
-            // As good as lost on its way, apart from one that no socket sends.
-            Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
+            Err(error) if is_unsendable(&error) => Err(error),
+            // The datagram is as good as lost on its way.
             _ => Ok(SendOutcome::Buffered),
         }
     }

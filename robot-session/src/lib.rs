@@ -62,7 +62,7 @@ pub use session::Session;
 #[cfg(feature = "std")]
 pub use std_driver::{
     Driver, ReceiveOutcome, SendOutcome, Transport, discard_unacknowledged, drive, is_lost_datagram,
-    is_silence, now,
+    is_silence, is_unsendable, now,
 };
 pub use step::{Step, Steps};
 #[cfg(any(feature = "tokio", feature = "embedded-io", feature = "embedded-io-async"))]

@@ -382,8 +382,8 @@ impl Transport for UdpSocket {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<SendOutcome> {
         match UdpSocket::send(self, bytes) {
-            // The datagram is as good as lost on its way, unless no socket can send it.
-            Err(error) if error.kind() == ErrorKind::InvalidInput => Err(error),
+            Err(error) if is_unsendable(&error) => Err(error),
+            // The datagram is as good as lost on its way.
             _ => Ok(SendOutcome::Buffered),
         }
     }
@@ -442,4 +442,12 @@ pub fn is_lost_datagram(error: &io::Error) -> bool {
     const TOO_LONG: i32 = 10040;
     matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset)
         || cfg!(windows) && error.raw_os_error() == Some(TOO_LONG)
+}
+
+/// Returns whether an error of a UDP socket says that a datagram can never be sent: it has no address, or one that nobody can
+/// have, or is longer than any.
+pub fn is_unsendable(error: &io::Error) -> bool {
+    use rustix::io::Errno;
+    matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::NotConnected)
+        || matches!(Errno::from_io_error(error), Some(Errno::DESTADDRREQ | Errno::MSGSIZE))
 }

@@ -16,7 +16,7 @@ use ::tokio::net::{TcpListener, TcpStream, ToSocketAddrs, UdpSocket, lookup_host
 use ::tokio::time::{sleep, timeout};
 use socket2::{SockRef, TcpKeepalive};
 
-use crate::{discard_unacknowledged, is_lost_datagram};
+use crate::{discard_unacknowledged, is_lost_datagram, is_unsendable};
 
 /// Makes one connection after the other. A closure that dials is a connector, as [`Dial`].
 pub trait Connector: Send {
@@ -349,8 +349,8 @@ impl AsyncRead for Datagrams {
 impl AsyncWrite for Datagrams {
     fn poll_write(self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         match ready!(self.socket.poll_send(context, bytes)) {
-            // The datagram is as good as lost on its way, unless no socket can send it.
-            Err(error) if error.kind() == io::ErrorKind::InvalidInput => Poll::Ready(Err(error)),
+            Err(error) if is_unsendable(&error) => Poll::Ready(Err(error)),
+            // The datagram is as good as lost on its way.
             _ => Poll::Ready(Ok(bytes.len())),
         }
     }

@@ -10,7 +10,7 @@ use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::thread;
 
 use crate::common::{Asker, Event};
-use robot_session::{Driver, ReceiveOutcome, Transport as _, Wait, is_lost_datagram};
+use robot_session::{Driver, ReceiveOutcome, SendOutcome, Transport, Wait, is_lost_datagram, is_unsendable};
 
 const LONG: Duration = Duration::from_secs(20);
 
@@ -59,6 +59,18 @@ fn a_datagram_that_is_too_long_is_not_the_end_of_the_socket() {
     let kinds = [ErrorKind::ConnectionReset, ErrorKind::ConnectionRefused, ErrorKind::NotConnected];
     assert_eq!(kinds.map(|kind| is_lost_datagram(&kind.into())), [true, true, false]);
     assert_eq!(is_lost_datagram(&io::Error::from_raw_os_error(10040)), cfg!(windows), "its own number");
+}
+
+/// Otherwise a socket that nobody has connected would be as silent as a missing peer.
+#[test]
+fn what_no_socket_can_send_is_an_error() {
+    let mut here = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    assert!(is_unsendable(&Transport::send(&mut here, &[1]).unwrap_err()), "it is not connected");
+    here.connect(here.local_addr().unwrap()).unwrap();
+    assert!(is_unsendable(&Transport::send(&mut here, &[1; 70_000]).unwrap_err()), "it is too long");
+    assert_eq!(Transport::send(&mut here, &[1]).unwrap(), SendOutcome::Buffered);
+    let kinds = [ErrorKind::InvalidInput, ErrorKind::NotConnected, ErrorKind::ConnectionRefused];
+    assert_eq!(kinds.map(|kind| is_unsendable(&kind.into())), [true, true, false]);
 }
 
 /// Returns a socket that returns an error for every read, because it is not a datagram socket.

@@ -36,7 +36,7 @@ pub enum Error {
     /// The workstation has not requested a pose within [`HostConfig::max_age`], or its packet could not be sent.
     #[error("the workstation did not request a pose before it was too old")]
     Stale,
-    /// Another pose has replaced it before the workstation requested one.
+    /// Another pose has replaced it before a packet with it was sent. A packet that waits for room on the line is still sent.
     #[error("another pose has replaced it")]
     Replaced,
     /// There is no connection; nothing was sent.

@@ -251,6 +251,7 @@ mod tests {
         };
         assert_eq!(turned(3605.0, 10.0, 100.0, 0.0), Some(5.0));
         assert_eq!(turned(-3605.0, -10.0, 100.0, 0.0), Some(-5.0));
+        assert_eq!(turned(5.0, -179.0, 360.0, 0.0), Some(-355.0), "176° away, and not 184°");
         // If the nearest turn is beyond the limits, as many turns back as necessary.
         for (joint, near, expected) in
             [(-170.0, 170.0, -170.0), (10.0, 400.0, 10.0), (10.0, 700.0, 10.0), (10.0, 1e6, 10.0)]

@@ -131,4 +131,30 @@ mod tests {
             assert!(here.distance(&arm.forward(&turned(degrees))) < 0.01, "{time} s");
         }
     }
+    /// Between two positions that it passes, a curve through positions on a parabola is the parabola.
+    #[test]
+    fn the_rate_at_a_position_is_the_slope_through_its_neighbours() {
+        let on = |time: f64| [time * time, -2.0 * time * time, time, 0.0, 5.0 - time, 3.0];
+        let segments = [1.0, 3.0, 2.0].into_iter().scan(0.0, |sum, time| {
+            *sum += time;
+            Some((on(*sum), SegmentTiming::Time(time)))
+        });
+        let spline = Spline::new(&Arm::LR_MATE_200ID, on(0.0), &segments.collect::<Vec<_>>());
+        assert_eq!(spline.times().collect::<Vec<_>>(), [1.0, 4.0, 6.0]);
+        for time in [1.0, 1.5, 2.0, 3.0, 4.0] {
+            for (found, expected) in spline.at(time).into_iter().zip(on(time)) {
+                assert!((found - expected).abs() < 1e-9, "{time} s: {found}, expected {expected}");
+            }
+        }
+    }
+
+    /// The chord of 120° is a sixth shorter.
+    #[test]
+    fn a_length_is_that_of_the_curve() {
+        let turned = |degrees| [degrees, 0.0, 0.0, 0.0, -90.0, 0.0];
+        let segment = (turned(120.0), SegmentTiming::Speed(50.0));
+        let spline = Spline::new(&Arm::LR_MATE_200ID, turned(0.0), &[segment]);
+        let seconds = spline.times().last().unwrap_or(0.0);
+        assert!((seconds - 385.0 * 120f64.to_radians() / 50.0).abs() < 0.05, "{seconds}");
+    }
 }

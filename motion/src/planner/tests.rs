@@ -153,7 +153,9 @@ fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
     let far = linear(&planner, 9000.0, 0.0, 0.0);
     let refused = planner.add(0.0, &far).unwrap_err();
     assert!(matches!(refused, MoveError::Unreachable { .. }), "{refused}");
+    assert!(!planner.goes_anywhere());
     let mut planner = planner.anywhere();
+    assert!(planner.goes_anywhere());
     let from = planner.pose(0.0).position[0];
     let (_, end) = planner.add(0.0, &far).unwrap();
     assert!((end - (9000.0 - from).hypot(planner.pose(0.0).position[2] - 200.0) / 100.0 - 0.2).abs() < 0.01);
@@ -162,6 +164,17 @@ fn a_tool_without_an_arm_goes_anywhere_and_stops_where_it_is_told() {
     assert!((here - from - 990.0).abs() < 20.0, "{here} from {from}");
     let (_, end) = planner.add(20.0, &far).unwrap();
     assert!((planner.pose(end).position[0] - 9000.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_curve_begins_when_it_is_added() {
+    let mut planner = planner();
+    let goals =
+        [10.0, 30.0].map(|degrees| (Goal::Joints([degrees, 0.0, 0.0, 0.0, -90.0, 0.0]), Pace::Time(1.0)));
+    assert_eq!(planner.add_spline(5.0, &goals).unwrap(), [6.0, 7.0]);
+    for (time, degrees) in [(5.0, 0.0), (6.0, 10.0), (7.0, 30.0), (8.0, 30.0)] {
+        assert!((planner.at(time)[0] - degrees).abs() < 1e-9, "{time} s");
+    }
 }
 
 /// Returns a tool without an arm at rest at this position at time 0.

@@ -159,6 +159,14 @@ mod tracker {
             assert_eq!((sample.missed, sample.time), (missed, ms(u64::from(counter) * 8)), "{runs}");
         }
         assert_eq!((tracker.counts().gaps, tracker.counts().missed), (2, 94));
+        let mut tracker = Tracker::with_polls(ms(8), ms(16));
+        let mut push = |counter| tracker.push(&block(counter, [0.0; 3], [0.0; 3], [0.0; 3]));
+        push(0);
+        assert_eq!(
+            [3, 7].map(|counter| sample(push(counter)).missed),
+            [0, 2],
+            "half an interval late, and a whole one"
+        );
     }
 
     /// 198.8 days at 125 Hz to the sign, twice that to zero.

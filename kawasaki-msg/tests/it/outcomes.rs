@@ -1,11 +1,10 @@
-//! The outcomes of commands, and the definition of a work cycle.
+//! Counts, the definition of a work cycle, and jobs that are acknowledged out of turn.
 
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    CommandOutcome, Dialect, Entry, Field, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig,
-    RobotEvent, Role, SessionError,
+    Dialect, Entry, Field, JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig, RobotEvent, Role,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -14,12 +13,9 @@ const SECOND: Duration = Duration::from_secs(1);
 const COMMAND: Entry =
     Entry { role: Role::Command(7), name: "Nopeus", header: &[], fields: &[Field::Order, Field::Value] };
 
-/// Returns the default table with a command 7, changed.
-fn dialect(change: impl FnMut(&mut Entry)) -> Dialect {
-    let mut table = Dialect::DEFAULT.entries().to_vec();
-    table.push(COMMAND);
-    table.iter_mut().for_each(change);
-    Dialect::new(table.leak()).unwrap()
+/// Returns the default table with a command 7.
+fn dialect() -> Dialect {
+    Dialect::new([Dialect::DEFAULT.entries(), &[COMMAND]].concat().leak()).unwrap()
 }
 
 /// A PC with a command 7 whose robot is the test.
@@ -29,12 +25,8 @@ struct Bench {
 }
 
 impl Bench {
-    fn new() -> Self {
-        Self::with(PcConfig::tcp(), |_| {})
-    }
-
-    fn with(config: PcConfig, change: impl FnMut(&mut Entry)) -> Self {
-        let mut pc = Pc::new(PcConfig { dialect: dialect(change), ..config }).unwrap();
+    fn new(config: PcConfig) -> Self {
+        let mut pc = Pc::new(PcConfig { dialect: dialect(), ..config }).unwrap();
         pc.handle_connected(Duration::ZERO);
         Self { now: Duration::ZERO, pc }
     }
@@ -46,54 +38,6 @@ impl Bench {
         let mut out = [0; 4096];
         let length = self.pc.poll_transmit(self.now + 2 * MS, &mut out).expect("an answer");
         String::from_utf8(out[..length].to_vec()).unwrap()
-    }
-
-    /// Returns the outcomes of commands, by their values.
-    fn outcomes(&mut self) -> Vec<(i32, CommandOutcome)> {
-        let all = core::iter::from_fn(|| self.pc.poll_event());
-        all.filter_map(|event| match event {
-            PcEvent::Command { id, value, outcome } => {
-                assert_eq!(id, 7);
-                Some((value, outcome))
-            }
-            _ => None,
-        })
-        .collect()
-    }
-}
-
-#[test]
-fn a_command_is_transmitted_when_the_robot_has_sent_its_next_packet() {
-    let mut bench = Bench::new();
-    bench.pc.command(7, -80).unwrap();
-    assert_eq!(bench.outcomes(), [], "nobody has sent it");
-    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$5#0$-80#>");
-    bench.pc.command(7, 90).unwrap();
-    assert_eq!(bench.outcomes(), [], "the robot may not have read it");
-    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$4#0$90#>", "each is sent once");
-    assert_eq!(bench.outcomes(), [(-80, CommandOutcome::Transmitted)]);
-    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Huuhaa$0##>");
-    assert_eq!(bench.outcomes(), [(90, CommandOutcome::Transmitted)]);
-}
-
-#[test]
-fn a_command_in_flight_when_the_connection_ends_is_unknown_and_one_that_waits_is_sent_on_the_next() {
-    for reconnects_without_notice in [false, true] {
-        let mut bench = Bench::new();
-        bench.pc.command(7, 1).unwrap();
-        bench.pc.command(7, 2).unwrap();
-        assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$3#0$1#><Nopeus$3#0$2#>");
-        bench.pc.command(7, 3).unwrap();
-        if !reconnects_without_notice {
-            bench.pc.handle_disconnected(bench.now);
-        }
-        bench.pc.handle_connected(bench.now);
-        let unknown = [(1, CommandOutcome::Unknown), (2, CommandOutcome::Unknown)];
-        assert_eq!(bench.outcomes(), unknown, "in flight, oldest first");
-        assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Nopeus$3#0$3#>");
-        assert_eq!(bench.outcomes(), []);
-        bench.cycle(b"<Huuhaa$0##>");
-        assert_eq!(bench.outcomes(), [(3, CommandOutcome::Transmitted)]);
     }
 }
 
@@ -140,7 +84,7 @@ const LINE: Line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Poi
 /// Returns a PC in order 50, whose job numbers go up to `max_number`, and whose jobs may overtake others.
 fn overtaking(max_number: u16, jobs: &'static [Line]) -> Bench {
     let config = PcConfig { cumulative_acks: false, max_number, ..PcConfig::tcp() };
-    let mut bench = Bench::with(config, |_| {});
+    let mut bench = Bench::new(config);
     bench.pc.start(50, jobs).unwrap();
     bench.cycle(IDLE);
     bench.cycle(STARTED);
@@ -173,15 +117,15 @@ fn an_acknowledgement_that_comes_twice_counts_once() {
 
 #[test]
 fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::new(PcConfig::tcp());
     for count in 1..=2 {
         bench.cycle(b"x<Huuhaa$0##>");
         let statistics = bench.pc.statistics();
         assert_eq!((statistics.packets, statistics.corrupt), (count, count));
     }
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let dialect = dialect(|_| {});
-    let mut robot = Robot::<Line>::new(RobotConfig { dialect, ..RobotConfig::tcp() }, writer).unwrap();
+    let mut robot =
+        Robot::<Line>::new(RobotConfig { dialect: dialect(), ..RobotConfig::tcp() }, writer).unwrap();
     robot.handle_timeout(SECOND);
     robot.handle_connected(SECOND);
     robot.handle_input(SECOND, b"x<");
@@ -195,21 +139,4 @@ fn both_ends_count_packets_corrupt_bytes_and_what_they_discard() {
     let taken = events.filter(|event| matches!(event, RobotEvent::Command { .. })).count();
     assert_eq!(robot.statistics().discarded, 40 - u64::try_from(taken).unwrap());
     assert!(taken > 0 && taken < 39, "{taken}");
-}
-
-/// The queue has 32 places. Six are kept: for an order that ends with a job that does not fit, and for four commands.
-#[test]
-fn nothing_begins_without_room_for_its_outcome() {
-    let mut bench = Bench::new();
-    let mut begun = 0;
-    while bench.pc.command(7, begun).is_ok() {
-        begun += 1;
-        bench.cycle(b"<Huuhaa$0##>");
-        bench.cycle(b"<Huuhaa$0##>");
-    }
-    assert_eq!(bench.pc.start(50, &[LINE; 3]), Err(SessionError::TooManyEvents));
-    let outcomes = bench.outcomes();
-    assert_eq!(outcomes.len(), 27);
-    assert!((0..begun).zip(outcomes).all(|(value, outcome)| outcome == (value, CommandOutcome::Transmitted)));
-    assert_eq!(bench.pc.start(50, &[LINE; 3]), Ok(()));
 }

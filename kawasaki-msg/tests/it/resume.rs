@@ -127,47 +127,6 @@ fn the_order_goes_on_and_each_job_is_executed_once() {
 }
 
 #[test]
-fn a_robot_that_was_restarted_leaves_the_jobs_in_flight_unknown() {
-    let (picture, mut cell) = (picture(300), Cell::new());
-    let kept = begun(&mut cell, &picture, false);
-    let mut cell = Cell::new();
-    let mut pc = next(&picture, kept);
-    cell.connect(&mut pc);
-    let (executed, sent) = kept;
-    assert_eq!(cell.finish(&mut pc), PcEvent::OutcomeUnknown { order: 50, executed, sent });
-    assert_eq!(cell.drawn, [0_i32; 0]);
-}
-
-#[test]
-fn a_robot_that_has_ended_the_order_says_how_far_it_came() {
-    let (picture, mut cell) = (picture(300), Cell::new());
-    let kept = begun(&mut cell, &picture, false);
-    cell.robot.reset_order().unwrap();
-    cell.work(0);
-    let mut pc = next(&picture, kept);
-    cell.connect(&mut pc);
-    let drawn = u32::try_from(cell.drawn.len()).unwrap();
-    assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: drawn, complete: false });
-}
-
-/// The PC was killed before it had stored the end.
-#[test]
-fn an_order_of_which_all_is_executed_is_complete() {
-    for (executed, complete) in [(290, true), (300, true), (290, false)] {
-        let (whole, mut cell) = (picture(301), Cell::new());
-        let picture = &whole[..300];
-        let mut pc: PcEnd<'_> = Pc::new(PcConfig::tcp()).unwrap();
-        pc.start(50, picture).unwrap();
-        cell.connect(&mut pc);
-        assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: 300, complete: true });
-        cell.disconnect();
-        let mut pc = next(if complete { picture } else { &whole }, (executed, 300));
-        cell.connect(&mut pc);
-        assert_eq!(cell.finish(&mut pc), PcEvent::OrderOver { order: 50, executed: 300, complete });
-    }
-}
-
-#[test]
 fn what_no_order_can_be_is_refused() {
     let picture = picture(3);
     let mut pc: PcEnd<'_> = Pc::new(PcConfig::tcp()).unwrap();

@@ -164,7 +164,7 @@ fn other_instructions_of_the_table() {
     assert_eq!(operation("COL GUARD ADJUST R[1]"), command("COL GUARD ADJUST", vec![register(1)], ""));
     assert_eq!(operation("SOFTFLOAT[1]"), command("SOFTFLOAT", vec![Expression::Number(1.0)], ""));
     assert_eq!(operation("SEND R[1]"), command("SEND", vec![register(1)], ""));
-    assert_eq!(operation("RCV R[1], LBL[2]"), command("RCV", vec![register(1)], "LBL[2]"));
+    assert_eq!(operation("RCV R[1], LBL[2]  "), command("RCV", vec![register(1)], "LBL[2]"));
     assert_eq!(operation("VISION RUN_FIND 'A'"), command("VISION RUN_FIND", vec![], "'A'"));
     assert_eq!(operation("LOCK PREG"), Operation::Lock);
     assert_eq!(operation("--eg:a"), Operation::Remark("eg:a".into()));

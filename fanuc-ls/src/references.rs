@@ -306,8 +306,11 @@ mod tests {
     #[test]
     fn a_position_has_its_number_and_its_frames() {
         let block = "P[12:\"UF : 9\"]{\n   GP1:\n\tUF : 1, UT : 2,\n GP2:\n\tUF : F, UT : 3,\n};";
-        let all: Vec<_> = of_position(block).map(|found| (found.kind, found.number)).collect();
+        let all = of_position(block).map(|found| (found.kind, found.number, found.is_selection));
         let (frame, tool) = (ItemKind::UserFrame, ItemKind::UserTool);
-        assert_eq!(all, [(ItemKind::Position, 12), (frame, 1), (tool, 2), (tool, 3)]);
+        assert_eq!(
+            all.collect::<Vec<_>>(),
+            [(ItemKind::Position, 12, false), (frame, 1, true), (tool, 2, true), (tool, 3, true)]
+        );
     }
 }

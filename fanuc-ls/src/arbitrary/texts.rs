@@ -117,7 +117,7 @@ pub(crate) fn solution(u: &mut Unstructured<'_>) -> Result<String> {
 pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<Option<f64>> {
     Ok(match u.int_in_range(0..=3u8)? {
         0 => None,
-        1 => Some(u.arbitrary::<f64>()?).filter(|value| value.is_finite()),
+        1 => Some(u.arbitrary().map(|value: f64| if value.is_finite() { value } else { 0.0 })?),
         _ => Some(f64::from(u.int_in_range(-9_999_999..=9_999_999)?) / 1000.0),
     })
 }
@@ -125,7 +125,7 @@ pub(crate) fn coordinate(u: &mut Unstructured<'_>) -> Result<Option<f64>> {
 pub(crate) fn options(u: &mut Unstructured<'_>, most: usize) -> Result<String> {
     let option = |u: &mut Unstructured<'_>| {
         let number: u8 = u.arbitrary()?;
-        Ok(match number % 4 {
+        Ok(match u.int_in_range(0..=3u8)? {
             0 => format!("ACC{number}"),
             1 => format!("Offset,PR[{number}]"),
             2 => format!("Tool_Offset,PR[{number}]"),

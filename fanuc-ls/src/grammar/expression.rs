@@ -143,7 +143,7 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
         };
         return Ok((rest, Expression::Text(text.to_string())));
     }
-    if let Some(read) = next(input, sign("[")).and_then(|rest| pallet(rest).ok()) {
+    if let Some(read) = next(input, sign("[")).and_then(pallet) {
         return Ok(read);
     }
     if let Ok((rest, number)) = number(input) {
@@ -180,19 +180,17 @@ fn operand(input: &str, depth: u8) -> Parsed<'_, Expression> {
 }
 
 /// Parses a row, a column and a layer, some of which a comparison leaves open: `1,R[2],*]`.
-fn pallet(input: &str) -> Parsed<'_, Expression> {
+fn pallet(input: &str) -> Option<(&str, Expression)> {
     let mut rest = input;
     for end in [",", ",", "]"] {
-        if let Some(after) = next(rest, sign("*")) {
-            rest = after;
-        } else {
-            (rest, _) = index(rest, DEEPEST)?;
-        }
-        let missing = if end == "]" { Expected::Bracket } else { Expected::Comma };
-        (rest, ()) = or_fail(rest, missing, sign(end))?;
+        rest = match next(rest, sign("*")) {
+            Some(after) => after,
+            None => index(rest, DEEPEST).ok()?.0,
+        };
+        rest = next(rest, sign(end))?;
     }
-    let text = input.get(..input.len() - rest.len()).unwrap_or("");
-    Ok((rest, Expression::Pallet(["[", text].concat())))
+    let text = input.get(..input.len() - rest.len())?;
+    Some((rest, Expression::Pallet(["[", text].concat())))
 }
 
 /// Reads the arguments of a function: in brackets, in parentheses, or for string functions after a blank.

@@ -170,7 +170,7 @@ fn similar(word: &str, after: &str) -> Option<Mistake> {
 /// Returns whether a word is another one with a letter missing, added or changed, or with two letters exchanged.
 pub(super) fn is_near(word: &str, known: &str) -> bool {
     let (word, known) = (word.as_bytes(), known.as_bytes());
-    if word.len() < 3 || known.len() < 3 || word.len().abs_diff(known.len()) > 1 {
+    if word.len() < 3 || known.len() < 3 {
         return false;
     }
     let same = |(a, b): &(&u8, &u8)| a.eq_ignore_ascii_case(b);

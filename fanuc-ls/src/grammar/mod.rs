@@ -136,7 +136,7 @@ fn number(input: &str) -> Parsed<'_, f64> {
         let exponent = rest.strip_prefix(['e', 'E'])?;
         let digits = exponent.strip_prefix(['+', '-']).unwrap_or(exponent);
         let count = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-        let after = digits.get(count..).filter(|_| count > 0)?;
+        let after = digits.get(count..)?;
         Some((after, text.get(..text.len() - after.len())?.parse().ok()?))
     };
     Ok(with_exponent().unwrap_or((rest, value)))

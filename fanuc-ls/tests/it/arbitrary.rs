@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use arbitrary::{Arbitrary, Unstructured};
 use fanuc_ls::{
     Attribute, AttributeValue, Configuration, Instruction, Motion, Position, Program, Rules, Speed,
-    Termination,
+    SpeedUnit, Termination,
 };
 use proptest::prelude::*;
 use proptest::strategy::ValueTree as _;
@@ -36,7 +36,7 @@ impl Kinds {
                 self.add("comment", (blank, end, text.lines().count()));
             }
             Instruction::Other(text) => {
-                self.add("statement", text.split([' ', '[', '=']).next());
+                self.add("statement", (text.split([' ', '[', '=']).next(), text.ends_with("(sec)")));
             }
             _ => {}
         }
@@ -48,10 +48,15 @@ impl Kinds {
         motion.via.iter().for_each(|via| self.add_name("via", via));
         self.add("via options", motion.via_options.is_empty());
         self.add("options", motion.options.lines().count());
+        for option in motion.each_option() {
+            self.add("option", option.trim_end_matches(|c: char| c.is_ascii_digit() || c == ']'));
+        }
         self.add_name("speed", &motion.speed);
         self.add("unit", motion.speed.unit());
-        if let Speed::Fixed { value, .. } = motion.speed {
-            self.add("speed", (value.fract() == 0.0, value > 100.0));
+        if let Speed::Fixed { value, unit } = motion.speed {
+            let is_percent = unit == SpeedUnit::Percent;
+            let most = if is_percent { 100.0 } else { 100_000.0 };
+            self.add("speed", (is_percent, value.fract() == 0.0, value > most / 2.0));
         }
         match motion.termination {
             Some(Termination::Continuous(percent)) => self.add("ends", percent / 25),
@@ -72,7 +77,12 @@ impl Kinds {
             for axis in &group.axes {
                 self.add("axis", axis.name);
                 self.add("unit", axis.unit);
-                self.add("value", axis.value.map(|value| (value < 0.0, value.abs() < 10_000.0)));
+                let kind = |value: f64| {
+                    let is_small = value.abs() < 10_000.0;
+                    let is_printed = value.fract() != 0.0 && (value * 1000.0).round() / 1000.0 == value;
+                    (value < 0.0, is_small, is_small && is_printed)
+                };
+                self.add("value", axis.value.map(kind));
             }
         }
     }
@@ -109,9 +119,9 @@ fn any_bytes_are_a_program_that_reads_as_it_was_written() {
     }
     let sections = 36 + 2 + 2 + 6 + 33 + 9; // name, kind, /ATTR, /APPL, /MN, /POS
     let attributes = 8 + 1 + 2 + 6;
-    let instructions = 7 + 5 + 9; // with comments and statements
-    let motions = 5 + (3 + 3 + 2 + 4) + (3 + 4 + 8) + (5 + 2); // kinds; targets and options; speeds and units; ends
-    let positions = 17 + 2 + 16 + 9 + (12 + 9 + 9 + 2 + 5); // names, groups, configurations, axes; those, units, values
+    let instructions = 7 + 5 + 10; // with comments and statements
+    let motions = 5 + (3 + 3 + 2 + 4 + 4) + (3 + 8 + 8) + (5 + 2); // kinds; targets and options; speeds and units; ends
+    let positions = 17 + 2 + 16 + 9 + (12 + 9 + 9 + 2 + 7); // names, groups, configurations, axes; those, units, values
     let expected = sections + attributes + instructions + motions + positions;
     assert_eq!(kinds.0.len(), expected, "{:#?}", kinds.0);
     assert!(names.len() > 2500, "{} words and phrases", names.len());

@@ -84,9 +84,13 @@ fn a_motion_has_a_target_a_speed_and_an_end() {
     check(&[
         ("L P[1] max_Geschw. FINE", &[]),
         ("L P[1] FAST_ONE FINE", &["1: the motion option is not known"]),
+        ("L PAL_1[A_1] 100mm/sec FINE", &[]),
+        ("L PX_1[1] 100mm/sec FINE", &["1: expected a target such as `P[1]` or `PR[1]`"]),
+        ("L PAL-1[1] 100mm/sec FINE", &["1: expected a target such as `P[1]` or `PR[1]`"]),
         ("L P[1] 100mm/sec FINE Arc Start[1]", &[]),
         ("L P[1] 100mm/sec FINE Offset,VR[1]", &[]),
         ("L P[1] 100mm/sec FINE Offset,R[1", &["1: expected a position register such as `PR[1]`"]),
+        ("L P[1] 100mm/sec FINE TCX", &["1: the motion option is not known"]),
         ("L P[1] 100mm/sec FINE INCX", &["1: unknown instruction or option: did you mean `INC`?"]),
     ]);
 }
@@ -199,6 +203,9 @@ fn an_instruction_is_read_as_it_is_spelled() {
         ("CALL A(1 2)", &[parenthesis]),
         ("CALL A(5 a=6)", &[parenthesis]),
         ("CALL A(R[1]+)", &[value]),
+        ("R[1]=5e", &["1: expected the end of the instruction"]),
+        ("PL[1]=[1,*,3]", &[]),
+        ("PL[1]=[1,2]", &[value]),
     ]);
 }
 
@@ -206,7 +213,7 @@ fn an_instruction_is_read_as_it_is_spelled() {
 fn a_word_is_a_misspelled_one_if_one_letter_of_three_is_another() {
     let macro_ = "1: unknown instruction: it must be a macro";
     let meant = |word: &str| format!("1: unknown instruction or option: did you mean `{word}`?");
-    for text in ["EN", "IFX", "BUN", "CLXX"] {
+    for text in ["EN", "IFX", "BUN A", "CLXX A", "FORCEX ON"] {
         assert_eq!(findings(text), [macro_], "{text}");
     }
     for (text, word) in [("XALL A", "CALL"), ("RUT A", "RUN"), ("CLAL A", "CALL"), ("CALLL A", "CALL")] {

@@ -163,10 +163,14 @@ fn other_instructions_of_the_table() {
     };
     assert_eq!(operation("COL GUARD ADJUST R[1]"), command("COL GUARD ADJUST", vec![register(1)], ""));
     assert_eq!(operation("SOFTFLOAT[1]"), command("SOFTFLOAT", vec![Expression::Number(1.0)], ""));
+    assert_eq!(operation("SEND R[1]"), command("SEND", vec![register(1)], ""));
+    assert_eq!(operation("RCV R[1], LBL[2]  "), command("RCV", vec![register(1)], "LBL[2]"));
     assert_eq!(operation("VISION RUN_FIND 'A'"), command("VISION RUN_FIND", vec![], "'A'"));
     assert_eq!(operation("LOCK PREG"), Operation::Lock);
     assert_eq!(operation("--eg:a"), Operation::Remark("eg:a".into()));
     assert_eq!(operation("MONITOR WATCH"), Operation::Monitor("WATCH".into()));
+    let pallet = Expression::Pallet("[1,R[2],*]".into());
+    assert_eq!(operation("PL[3]=[1,R[2],*]"), Operation::Assign(item(ItemKind::PalletRegister, 3), pallet));
     // A timer counts seconds.
     let seconds = binary(Operator::Divide, Expression::Number(500.0), Expression::Number(1000.0));
     assert_eq!(operation("TIMER[1]MS=500"), Operation::Assign(item(ItemKind::Timer, 1), seconds));

@@ -54,13 +54,16 @@ fn what_is_named_by_a_number_changes_wherever_it_is_named_and_nowhere_else() {
         (ItemKind::DigitalInput, 5) => Some((ItemKind::RobotInput, 5)),
         (ItemKind::Label, 3) => Some((kind, 30)),
         (ItemKind::UserFrame, 1) => Some((kind, 4)),
+        (ItemKind::Position, 1) => Some((ItemKind::PositionRegister, 1)),
         (ItemKind::Position, 2) => Some((kind, 9)),
         _ => None,
     };
-    assert_eq!(document.replace_items(swap), Ok(10));
+    assert_eq!(document.replace_items(swap), Ok(11));
     let expected = [
         ("   1:  UFRAME_NUM=1 ;", "   1:  UFRAME_NUM=4 ;"),
         ("   2:  LBL[3:again] ;", "   2:  LBL[30:again] ;"),
+        // The letter in `/POS` is that of the section.
+        ("   7:J P[1:home]  20% FINE ;", "   7:J PR[1:home]  20% FINE ;"),
         (
             "   8:L P[2] 3.0sec CNT100 Offset,PR[5:PR[1] up]    ;",
             "   8:L P[9] 3.0sec CNT100 Offset,PR[5:PR[1] up]    ;",
@@ -243,10 +246,12 @@ fn what_an_edit_does_not_mean_stays_as_it_is_spelled() {
         other => panic!("{other:?}"),
     };
     let text = "/PROG  A\n/MN\n   1:L P[1]  +5mm/sec FINE INC INC    ;\n/END\n";
-    let mut document = Document::decode(text).unwrap();
-    let same = motion(&document);
-    document.set_motion(0, &same).unwrap();
-    assert_eq!(document.as_str(), text);
+    for text in [text.to_owned(), text.replace("FINE", "CNTR[1]")] {
+        let mut document = Document::decode(&text).unwrap();
+        let same = motion(&document);
+        document.set_motion(0, &same).unwrap();
+        assert_eq!(document.as_str(), text);
+    }
     let text = text.replace("+5", "5");
     let mut document = Document::decode(&text).unwrap();
     let once = Motion { options: "INC".into(), ..motion(&document) };
@@ -303,10 +308,11 @@ fn every_reference_has_its_place() {
         "UFRAME_NUM1 *LBL3again P1home P2 PR5PR[1] up DI5gate R5 R7 LBL3 *P1home UF1 UT2 *P2 UF1 UT2"
     );
     let text = "/PROG A\n/MN\n1: CALL B-1 ;\n2: IF R[1]=1,RUN C ;\n3: CALL SR[1] ;\n4: MONITOR END ;\n\
-                5:L P[1] 9sec FINE TB .5sec,CALL D(1) ;\n6: !CALL E ;\n7: MESSAGE[CALL F] ;\n8: SR[1]='CALL G' ;\n/END\n";
+                5:L P[1] 9sec FINE TB .5sec,CALL D(1) ;\n6: !CALL E ;\n7: MESSAGE[CALL F] ;\n8: SR[1]='CALL G' ;\n\
+                9: IF R[1]=1,CALL H(R[2]) ;\n10: MONITOR I ;\n11: CALL ... ;\n12: CALL 5 ;\n13: CALL-J ;\n/END\n";
     let document = Document::decode(text).unwrap();
     let programs: Vec<&str> = document.program_references().map(|name| &text[name]).collect();
-    assert_eq!(programs, ["B-1", "C", "D"]);
+    assert_eq!(programs, ["B-1", "C", "D", "H", "I"]);
     let body = document.statements().next().unwrap().body();
     assert_eq!(&text[document.place(body)], "CALL B-1");
 }

@@ -2,7 +2,7 @@
 
 use fanuc_ls::{
     AxisName, Block, Document, Expected, ItemKind, Level, Mistake, Problem, Reason, Rules, Speed, SpeedUnit,
-    Target, Termination, Warning,
+    Syntax, Target, Termination, Warning,
 };
 
 const TAKEN: &str = "correct it: a controller would not take it";
@@ -200,6 +200,59 @@ fn parts_of_a_motion_are_written_as_in_a_program() {
     let ends =
         [Termination::Fine, Termination::Continuous(0), Termination::ContinuousRegister("R[1]".into())];
     assert_eq!(ends.map(|it| it.to_string()), ["FINE", "CNT0", "CNT R[1]"]);
+}
+
+#[test]
+fn every_option_has_its_form() {
+    let forms: Vec<String> = Syntax::options().map(|it| it.to_string()).collect();
+    assert_eq!(
+        forms,
+        [
+            "`FINE`: stops at the target",
+            "`ACCn`, n from 0 to 500, or a register",
+            "`CDn`, n from 0 to 1000, or a register",
+            "`CRn`, n from 0 to 1000, or a register",
+            "`CTVn`, n from -100 to 100, or a register",
+            "`PSPDn`, n from 0 to 500, or a register",
+            "`AP_LDn`, n from 0 to 100000, or a register",
+            "`RT_LDn`, n from 0 to 100000, or a register",
+            "`RampTon`, n from 0 to 100000, or a register",
+            "`Ind.EVn`, n from 0 to 100, or a register",
+            "`EVn`, n from 0 to 100, or a register",
+            "`Skip,LBL[n]`, and `,PR[m]=LPOS`: where the program goes on if the condition was not met",
+            "`SkipJump,LBL[n]`, and `,PR[m]=LPOS`: where the program goes on if the condition was not met",
+            "`Offset` or `Offset,PR[n]`: moves the target",
+            "`Tool_Offset` or `Tool_Offset,PR[n]`: moves the target",
+            "`VOFFSET` or `VOFFSET,PR[n]`: moves the target",
+            "`TB n sec, action`: before the target by this time",
+            "`TA n sec, action`: after the target by this time",
+            "`DB n mm, action`: before the target by this distance",
+            "`DA n mm, action`: after the target by this distance",
+            "`PTH`",
+            "`ALIMn`, n from 0 to 100000, or a register",
+            "`FPLIN`",
+            "`ORNT_BASE …`, as the manual of its option describes",
+            "`TA_REF …`, as the manual of its option describes",
+            "`COORD` or `COORD[n]`: in the frame of another group",
+            "`INC`",
+            "`Wjnt`",
+            "`RTCP`",
+            "`MROT`",
+            "`BREAK`",
+            "`COND`",
+            "`CALL …`, as the manual of its option describes",
+            "`Arc Start[…]`, as the manual of its option describes",
+            "`Arc End[…]`, as the manual of its option describes",
+            "`Weld Start[…]`, as the manual of its option describes",
+            "`Weld End[…]`, as the manual of its option describes",
+            "`Weave …`, as the manual of its option describes",
+            "`Search[…]`, as the manual of its option describes",
+            "`SPOT[…]`, as the manual of its option describes",
+            "`PRESSURE[…]`, as the manual of its option describes",
+            "`Touch[…]`, as the manual of its option describes",
+            "`TC …`, as the manual of its option describes",
+        ]
+    );
 }
 
 #[test]

@@ -230,7 +230,7 @@ fn refused(error: ConfigError) -> RefusedSetting {
             "; with takeover=end or never it does not".into()
         }
         ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not".into(),
-        ConfigError::Lacks { .. } | ConfigError::Role { .. } => format!("; set {name}.name"),
+        ConfigError::Role { .. } => format!("; set {name}.name"),
         ConfigError::Name { .. } => format!("; set {name}.name to a name that no other message has"),
         ConfigError::MissingField { field, .. } => {
             let field = field_name(field).unwrap_or_default();

@@ -3,7 +3,7 @@
 use cellwire_links::explain::{Explanation, explain};
 use cellwire_links::vectors::{Vector, vectors};
 use cellwire_links::{LINKS, Link};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Names of what depends on the values of a frame.
 const DERIVED: [&str; 6] = ["checksum", "crc", "length", "count", "byte count", "select"];
@@ -134,4 +134,16 @@ fn every_place_of_the_specification_is_there() {
             assert!(is_there, "{}: {place}", link.name);
         }
     }
+}
+
+/// Behind it a request for registers has a quantity.
+#[test]
+fn the_address_of_a_queue_is_the_last_before_the_crc() {
+    let (link, options) = (Link::by_name("fanuc-hmi-modbus").unwrap(), json!({"framing": "rtu"}));
+    let options = options.as_object().unwrap();
+    let codec = (link.codec)("client", options).unwrap();
+    let bytes = codec.encode(json!({"unit": 1, "function": 24, "address": 1246})).unwrap();
+    let found = explain(link, "client", options, &bytes).unwrap();
+    let names: Vec<&str> = found[0].parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["/unit", "/function", "/address", "crc"]);
 }

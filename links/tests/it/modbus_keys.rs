@@ -14,6 +14,9 @@ fn an_unknown_key_is_named_with_the_keys_of_its_function() {
             "unknown key adress: a request of function 3 has transaction, unit, function, address, quantity"
         )
     );
+    let exception = unknown(json!({"function": 3, "exception": 2, "registers": []}), Side::Server);
+    let text = "unknown key registers: an exception of function 3 has transaction, unit, function, exception";
+    assert_eq!(exception.as_deref(), Some(text));
     let write = json!({"function": 16, "address": 0, "value": 1});
     let error = unknown(write, Side::Client).unwrap();
     assert!(

@@ -3,6 +3,7 @@
 use cellwire_links::Link;
 use cellwire_links::kawasaki_msg::layout::{Field, FieldType, Layout};
 use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::link::Carrier;
 use cellwire_links::settings::{self, RefusedSetting};
 use cellwire_links::shadow::Setup;
 use kawasaki_msg::{Acks, Charset, FieldFault, Limits, PcConfig, RobotConfig, Role, Takeover};
@@ -45,6 +46,35 @@ fn acknowledgements_of_single_jobs_need_their_message() {
         plant(json!({"acks": "individual", "messages": messages})).unwrap().pc(PcConfig::tcp()).unwrap_err();
     let text = "messages.job_ack: the table lacks the role JobAck, which the configuration needs; with acks=1 it does not";
     assert_eq!(refused.to_string(), text);
+}
+
+#[test]
+fn what_no_table_can_have_is_refused_with_advice() {
+    for (messages, text) in [
+        (
+            json!({"job": {"sent": false}}),
+            "messages.job: the table must have the role Job once; set messages.job.name",
+        ),
+        (
+            json!({"pause": {"name": "Tyo"}}),
+            "messages.job: the name of the role Job is empty, duplicate or unencodable; \
+             set messages.job.name to a name that no other message has",
+        ),
+        (
+            json!({"job_request": {"fields": ["order"]}}),
+            "messages.job_request: the message of the role JobRequest lacks the field Number; \
+             write number in messages.job_request.fields or messages.job_request.header, at its place in the message",
+        ),
+        (
+            json!({"job_request": {"fields": ["order", "number", "number"]}}),
+            "messages.job_request: the message of the role JobRequest has a duplicate or invalid field; \
+             messages.job_request.header and messages.job_request.fields may have order once, number once, unused, \
+             and =TEXT for a constant",
+        ),
+    ] {
+        let refused = plant(json!({"messages": messages})).unwrap().check().unwrap_err();
+        assert_eq!(refused.to_string(), text, "{messages}");
+    }
 }
 
 /// A message that only an interrupting PC needs may be missing for all other ends.
@@ -109,6 +139,45 @@ fn a_job_s_fields_are_given_as_they_were_read() {
         let refused = read(&table).unwrap_err().text;
         assert!(refused.ends_with(why), "{table}: {refused}");
     }
+}
+
+#[test]
+fn a_job_of_the_five_numbers_of_a_line_is_a_line() {
+    let is_line = |names: &[&str]| {
+        let tables: Vec<_> = names.iter().map(|name| json!({"name": name, "kind": "whole"})).collect();
+        Layout::read(&tables, Charset::Ascii).unwrap().is_line()
+    };
+    let line = ["kind", "x1", "y1", "x2", "y2"];
+    assert!(is_line(&line) && plant(json!({})).unwrap().layout().unwrap().is_line());
+    assert!(!is_line(&line[..4]) && !is_line(&["kind", "x1", "y1", "x2", "z2"]));
+    let decimals = line.map(|name| json!({"name": name, "kind": "decimal", "places": 1}));
+    assert!(!Layout::read(&decimals, Charset::Ascii).unwrap().is_line());
+    let fields = |count: usize| {
+        let table = |number| json!({"name": format!("n{number}"), "kind": "whole"});
+        Layout::read(&(0..count).map(table).collect::<Vec<_>>(), Charset::Ascii)
+    };
+    assert!(fields(24).is_ok());
+    assert_eq!(fields(25).unwrap_err().text, "a job has 1 to 24 fields, not 25");
+}
+
+#[test]
+fn a_program_has_the_table_and_the_job_that_are_not_the_default() {
+    let program = |given: Value| {
+        let rust = Link::by_name("kawasaki-msg").unwrap().open.rust;
+        rust(given.as_object().unwrap(), Carrier::default()).unwrap()
+    };
+    assert_eq!(
+        program(json!({})),
+        "use kawasaki_msg::Charset;\n\npub fn charset() -> Charset {\n    Charset::Ascii\n}"
+    );
+    assert!(program(json!({"messages": {"job": {"name": "Line"}}})).contains("name: \"Line\","));
+    let job = json!([
+        {"name": "1st", "kind": "whole", "range": [0, 9]},
+        {"name": "speed", "kind": "decimal", "places": 2, "range": ["0.50", "20.00"]},
+    ]);
+    let text = program(json!({"job": job}));
+    assert!(text.contains("    /// 0 to 9.\n    pub field_1st: i32,\n"), "{text}");
+    assert!(text.contains("    /// 0.50 to 20.00, in units of 1e-2.\n    pub speed: i32,\n"), "{text}");
 }
 
 #[test]

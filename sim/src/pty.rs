@@ -86,3 +86,24 @@ impl Transport for Pty {
         wait.writable(&self.device).map(drop)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_is_there_until_it_has_gone_and_its_bytes_are_read() {
+        let (mut pty, path) = Pty::open().unwrap();
+        assert!(!pty.is_open());
+        let program = program_end(&path).unwrap();
+        assert!(pty.is_open());
+        write(&program, b"!").unwrap();
+        assert!(pty.is_open());
+        drop(program);
+        assert!(pty.is_open(), "a byte is left");
+        let wait = || Wait::limited(core::time::Duration::from_secs(20));
+        assert_eq!(pty.receive(&mut [0; 8], wait()).unwrap(), ReceiveOutcome::Bytes(1));
+        assert_eq!(pty.receive(&mut [0; 8], wait()).unwrap(), ReceiveOutcome::Closed);
+        assert!(!pty.is_open());
+    }
+}

@@ -173,18 +173,15 @@ impl Controller {
         Some(())
     }
 
-    /// Restarts after a loss of power: the background task begins again. A battery keeps the registers.
-    pub(super) fn restart(&mut self) {
-        self.run = None;
-    }
-
-    /// Discards the values that clients have written.
+    /// Discards the values that clients have written. The next [`tick`](Self::tick) writes those of the robot.
     pub(super) fn forget(&mut self) {
-        self.restart();
-        self.tables = match self.source {
-            RegisterSource::Motion(_) => Tables::numbered(),
-            RegisterSource::Program(_) => Tables::empty(),
-        };
+        match &mut self.source {
+            RegisterSource::Motion(_) => (self.run, self.tables) = (None, Tables::numbered()),
+            RegisterSource::Program(program) => {
+                self.tables = Tables::empty();
+                program.show(&mut self.tables);
+            }
+        }
     }
 
     /// Runs the background task as often as it is due. It overwrites a client's writes to its registers.

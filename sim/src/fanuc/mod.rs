@@ -172,15 +172,13 @@ impl Device for FanucController {
         None
     }
 
-    fn restart(&mut self, now: Duration) {
+    /// Restarts the connection. A battery keeps the registers.
+    fn restart(&mut self, _: Duration) {
         let (config, shared) = (*self.server.config(), Arc::clone(&self.server.registers().controller));
         // The same configuration has worked before.
         if let Ok(device) = Self::new(config, shared) {
             *self = device;
         }
-        let mut controller = self.controller();
-        controller.restart();
-        controller.tick(now);
     }
 
     /// Discards the clients' writes.
@@ -362,5 +360,26 @@ impl Registers for Connection {
             self.permitted(16, address, values.len()).and_then(|mut it| it.write_registers(address, values));
         let write = || Write::Registers(address, values.iter().collect());
         self.write((Table::HoldingRegisters, address, values.len()), written, write)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A request to all units is refused without an event.
+    #[test]
+    fn a_refusal_is_that_of_a_request_with_its_function_and_its_exception() {
+        let controller = Controller::new(Box::new(circle), WordOrder::LowFirst);
+        let mut device = FanucController::new(ServerConfig::tcp(), Arc::new(controller.into())).unwrap();
+        let connection = device.server.registers_mut();
+        let busy = Exception::ServerDeviceBusy;
+        for (address, is_write, exception) in
+            [(1, true, busy), (2, false, Exception::IllegalDataAddress), (3, false, busy)]
+        {
+            connection.refuse((Table::Coils, address, 1), is_write, exception);
+        }
+        assert_eq!(connection.refused(1, busy), Some((Table::Coils, 3, 1)));
+        assert_eq!(connection.refused(5, busy), None, "older ones are dropped");
     }
 }

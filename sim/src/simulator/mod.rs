@@ -152,7 +152,7 @@ impl<D: Device> Simulator<D> {
         self.now = self.now.max(now);
         loop {
             // The faults that were requested before this call are due.
-            let call = self.remote.as_ref().filter(|remote| remote.is_called()).and_then(Remote::next);
+            let call = self.remote.as_ref().and_then(Remote::next);
             while let Some(fault) = self.faults.due(self.now) {
                 if matches!(fault, Fault::Cut | Fault::Close) {
                     self.faults.spread(self.connection, self.now, fault);

@@ -1,7 +1,6 @@
 //! A running device, called from other threads.
 
 use core::fmt;
-use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::collections::VecDeque;
 use std::sync::mpsc::sync_channel;
@@ -21,8 +20,6 @@ pub struct Remote<D: Device>(Arc<Inner<D>>);
 
 struct Inner<D: Device> {
     faults: Faults,
-    /// Whether `calls` has an entry.
-    is_called: AtomicBool,
     calls: Mutex<VecDeque<Slot<D>>>,
     executed: Mutex<ExecutedLog<D::Work>>,
 }
@@ -45,8 +42,7 @@ struct ExecutedLog<W> {
 impl<D: Device> Remote<D> {
     pub(super) fn new(faults: Faults) -> Self {
         let executed = Mutex::new(ExecutedLog { total: 0, last: VecDeque::new() });
-        let (is_called, calls) = (AtomicBool::new(false), Mutex::default());
-        Self(Arc::new(Inner { faults, is_called, calls, executed }))
+        Self(Arc::new(Inner { faults, calls: Mutex::default(), executed }))
     }
 
     /// Returns the faults of the device.
@@ -67,7 +63,6 @@ impl<D: Device> Remote<D> {
         let call: Call<D> = Box::new(move |simulator| _ = sender.send(call(simulator)));
         let slot: Slot<D> = Arc::new(Mutex::new(Some(call)));
         lock(&self.0.calls).push_back(Arc::clone(&slot));
-        self.0.is_called.store(true, Ordering::Release);
         result.recv_timeout(within).ok().or_else(|| match lock(&slot).take() {
             Some(_) => None,
             None => result.recv().ok(),
@@ -99,18 +94,10 @@ impl<D: Device> Remote<D> {
         }
     }
 
-    /// Returns whether a call waits.
-    pub(super) fn is_called(&self) -> bool {
-        self.0.is_called.load(Ordering::Acquire)
-    }
-
     /// Removes and returns the next call.
     pub(super) fn next(&self) -> Option<Call<D>> {
         loop {
-            let mut calls = lock(&self.0.calls);
-            let next = calls.pop_front();
-            self.0.is_called.store(!calls.is_empty(), Ordering::Release);
-            drop(calls);
+            let next = lock(&self.0.calls).pop_front();
             let call = lock(&*next?).take();
             if call.is_some() {
                 return call;

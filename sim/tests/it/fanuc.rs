@@ -6,6 +6,7 @@ use cellwire_sim::fanuc::{
     Controller, FanucController, FanucEvent, Program, Tables, TelemetryFault, TelemetryFaults, Write, circle,
 };
 use cellwire_sim::{Bench, Device as _, Fanuc, Fault, Script, Settings as _, SimulatorReport};
+use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::robot_session::tokio::{Reconnect, Tcp};
 use fanuc_hmi_modbus::tokio::{Error, client};
 use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
@@ -46,7 +47,9 @@ async fn two_clients_see_the_same_registers() {
     let (one, other) = (to(), to());
     one.write_coils(3, &[true, false, true]).await.unwrap();
     assert_eq!(other.read_coils(3..6).await.unwrap(), [true, false, true]);
-    assert_eq!(sim.executed()[0].work, Write::Coils(3, vec![true, false, true]));
+    other.write_register(300, 7).await.unwrap();
+    let written: Vec<Write> = sim.executed().into_iter().map(|done| done.work).collect();
+    assert_eq!(written, [Write::Coils(3, vec![true, false, true]), Write::Registers(300, vec![7])]);
 }
 
 #[tokio::test]
@@ -334,7 +337,6 @@ fn signals_and_registers_are_numbered_from_1() {
     assert_eq!(tables.signal(Signal::R(7)), Some(7));
 }
 
-/// A program gets the registers that were written.
 #[test]
 fn a_program_sees_the_registers_that_a_client_has_written() {
     use core::ops::Range;
@@ -352,6 +354,8 @@ fn a_program_sees_the_registers_that_a_client_has_written() {
     let mut controller = Controller::running(Box::new(Log(log)), WordOrder::LowFirst);
     controller.write_registers(10, Words::from(&[7, 8, 9])).unwrap();
     assert_eq!(written.try_recv().unwrap(), (10..13, vec![7, 8, 9]));
+    controller.set_values(Table::HoldingRegisters, 11, &[5, 6]).unwrap();
+    assert_eq!(written.try_recv().unwrap(), (11..13, vec![5, 6]));
 }
 
 /// Returns the reply to a request.
@@ -477,4 +481,16 @@ fn a_program_runs_once_in_each_period_of_the_background_task() {
     assert_eq!(after(7 * MS), (vec![], 1));
     assert_eq!(after(23 * MS), (vec![(8 * MS, 1), (16 * MS, 2)], 2));
     assert_eq!(after(40 * MS), (vec![(24 * MS, 0), (32 * MS, 1), (40 * MS, 2)], 3));
+}
+
+#[test]
+fn a_controller_that_was_restarted_has_its_registers_and_counts_from_0() {
+    let mut bench = bench("");
+    reply(&mut bench, &Request::WriteRegister { address: 300, value: 9 }, |_| ());
+    let served = |bench: &Bench<_, FanucController>| bench.device().session().statistics().served;
+    assert_eq!(served(&bench), 1);
+    bench.faults().restart(100 * MS);
+    bench.run_for(S);
+    assert_eq!(served(&bench), 0);
+    assert_eq!(bench.device().controller().values(Table::HoldingRegisters, 300, 1), Some(vec![9]));
 }

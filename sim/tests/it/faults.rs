@@ -3,7 +3,9 @@
 use core::time::Duration;
 
 use cellwire_sim::robot_session::Session;
-use cellwire_sim::{Device as _, Fault, Faults, Peer, Script, Settings as _, Simulator, SimulatorReport};
+use cellwire_sim::{
+    Device as _, Fanuc, Fault, Faults, Peer, Script, Settings as _, Simulator, SimulatorReport,
+};
 
 use crate::gadget::{Gadget, Line, bench};
 
@@ -233,4 +235,16 @@ fn any_session_is_a_device_and_a_new_one_after_a_restart() {
     assert_eq!((device.session().last(), device.session().sends.len()), ("0ns connected", 0));
     device.restart(NOW);
     assert_eq!((device.session().log.len(), device.session().sends.len()), (0, 1));
+}
+
+#[test]
+fn a_device_has_executed_what_came_on_any_of_its_connections() {
+    let mut simulator = Fanuc::default().simulator().unwrap();
+    let remote = simulator.remote();
+    let mut another = simulator.another().unwrap();
+    for connection in [&mut simulator, &mut another] {
+        connection.handle_connected(NOW);
+        connection.handle_input(NOW, &[0, 1, 0, 0, 0, 6, 1, 6, 1, 44, 0, 9]);
+    }
+    assert_eq!(remote.executed(0, 9).1.len(), 2);
 }

@@ -268,6 +268,22 @@ mod tests {
     }
 
     #[test]
+    fn a_port_that_cannot_be_opened_is_an_error_with_advice() {
+        use serialport::ErrorKind::{InvalidInput, Io, Unknown};
+        for (kind, advice) in [
+            (InvalidInput, ": it is not a serial port, or does not support this baud rate"),
+            (
+                Io(ErrorKind::PermissionDenied),
+                ": permission denied; on Linux add the user to the group dialout, and log in again",
+            ),
+            (Unknown, ""),
+        ] {
+            let error = advise("COM5", 9600, serialport::Error::new(kind, "it fails"));
+            assert_eq!(format!("{error:#}"), format!("cannot open COM5 at 9600 baud{advice}: it fails"));
+        }
+    }
+
+    #[test]
     fn a_port_that_exists_is_in_use() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let found = absent(file.path().to_str().unwrap());

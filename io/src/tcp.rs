@@ -202,12 +202,22 @@ mod tests {
     }
 
     #[test]
-    fn an_address_without_meaning_is_an_error_with_advice() {
+    fn an_address_that_cannot_be_listened_on_is_an_error_with_advice() {
         let advice = ": give an address and a port from 0 to 65535, such as 127.0.0.1:9105, or a port alone";
         for (address, kind, expected) in [
             ("nonsense", ErrorKind::InvalidInput, advice),
             (":9105", ErrorKind::NotFound, advice),
             ("nonsense:9105", ErrorKind::NotFound, ": entity not found"),
+            (
+                "80",
+                ErrorKind::PermissionDenied,
+                ": ports below 1024 need more privileges; choose a higher one",
+            ),
+            (
+                "192.0.2.7:9105",
+                ErrorKind::AddrNotAvailable,
+                ": the address is not local; use 127.0.0.1 or 0.0.0.0",
+            ),
         ] {
             let error = format!("{:#}", advise(address, kind.into()));
             assert_eq!(error, format!("cannot listen on {address}{expected}"));

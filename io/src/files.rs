@@ -122,12 +122,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (file, link) = (folder.path().join("a.txt"), folder.path().join("link"));
         write(&file, b"one").unwrap();
+        let mode = |file: &Path| fs::metadata(file).unwrap().permissions().mode() & 0o777;
+        let other = tempfile::tempdir().unwrap();
+        fs::write(other.path().join("b.txt"), "").unwrap();
+        assert_eq!(mode(&file), mode(&other.path().join("b.txt")), "a new file has the usual rights");
         fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
         symlink(&file, &link).unwrap();
         write(&link, b"two").unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"two");
-        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(mode(&file), 0o640);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "no temporary file remains");
     }
 

@@ -203,3 +203,26 @@ fn install(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::env;
+    use std::process::Command;
+
+    use super::*;
+
+    /// The test runs itself again, as the program that a signal ends.
+    #[test]
+    fn a_signal_ends_the_program_after_its_last_actions() {
+        const NAME: &str = "interrupt::tests::a_signal_ends_the_program_after_its_last_actions";
+        if env::var_os(NAME).is_some() {
+            before_exit(|| output::remark("the link is removed"));
+            Policy::End.handler()(1);
+            return;
+        }
+        let mut program = Command::new(env::current_exe().unwrap());
+        let ended = program.args([NAME, "--exact", "--nocapture"]).env(NAME, "").output().unwrap();
+        assert_eq!(ended.status.code(), Some(INTERRUPTED));
+        assert_eq!(String::from_utf8(ended.stderr).unwrap(), "the link is removed\n");
+    }
+}

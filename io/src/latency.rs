@@ -37,7 +37,7 @@ impl Deadline {
     pub fn between(link: &str, baud: u32) -> Option<Self> {
         match link {
             "val2-alter" => Some(Self::of_alter(&val2_alter::HostConfig { baud, ..Default::default() })),
-            "isra-ball" => Some(Self::of_ball(&isra_ball::HostConfig { baud, ..Default::default() })),
+            "isra-ball" => Some(Self::of_ball(&isra_ball::HostConfig::default())),
             "fanuc-hmi-modbus" => Some(Self { of: "the rest of a frame", left: silence(baud) }),
             _ => None,
         }

@@ -142,10 +142,13 @@ mod tests {
         let ((go, wait), (sender, written)) = (channel(), channel());
         let outlet = Outlet::start(Slow(wait, sender), |count| format!("{count} dropped\n")).unwrap();
         outlet.put(b"first\n").unwrap();
+        let wait_until_it_writes = || {
+            while !outlet.0.lock().waiting.is_empty() {
+                thread::yield_now();
+            }
+        };
         // The thread holds the first line; then there is room for this many.
-        while !outlet.0.lock().is_writing {
-            thread::yield_now();
-        }
+        wait_until_it_writes();
         let line = [b'x'; 1024];
         for _ in 0..BUFFER_LEN / line.len() + 7 {
             outlet.put(&line).unwrap();
@@ -160,6 +163,16 @@ mod tests {
         outlet.put(b"last\n").unwrap();
         go.send(()).unwrap();
         assert_eq!(written.recv().unwrap(), b"last\n");
+        // After a dropped line, one for which there is room is dropped too.
+        outlet.put(b"held\n").unwrap();
+        wait_until_it_writes();
+        outlet.put(b"waiting\n").unwrap();
+        outlet.put(&[b'x'; BUFFER_LEN]).unwrap();
+        outlet.put(b"short\n").unwrap();
+        for expected in [&b"held\n"[..], b"waiting\n2 dropped\n"] {
+            go.send(()).unwrap();
+            assert_eq!(written.recv().unwrap(), expected);
+        }
         outlet.finish().unwrap();
         // The reader is gone: the line after the next is an error.
         drop(go);

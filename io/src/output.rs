@@ -312,4 +312,17 @@ mod tests {
         let back: Value = serde_json::from_slice(&out).unwrap();
         assert_eq!(back["a"], "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y");
     }
+    #[test]
+    fn lines_are_indented_and_at_most_as_wide_as_they_may_be() {
+        for (text, expected) in [
+            ("aaa bbbb", "  aaa bbbb\n"),
+            ("aaa bbbbb", "  aaa\n  bbbbb\n"),
+            ("aaa bb c d", "  aaa bb c\n  d\n"),
+            ("a bbbbbbbbbbbbb c", "  a\n  bbbbbbbbbbbbb\n  c\n"),
+            ("ääää öö ü", "  ääää öö\n  ü\n"),
+            ("", "  \n"),
+        ] {
+            assert_eq!(wrapped(text, 10, 2), expected);
+        }
+    }
 }

@@ -163,33 +163,22 @@ fn value(of: &Value) -> String {
     }
 }
 
-/// Pieces with `; ` between them, in lines of this width.
+/// Returns pieces with `; ` between them, in lines of this width.
 fn wrapped(pieces: &[String], width: usize) -> String {
     const INDENT: &str = "  ";
     let columns = |text: &str| text.chars().count();
     let (mut text, mut column) = (String::new(), 0);
-    let count = pieces.len();
     for (at, piece) in pieces.iter().enumerate() {
-        let end = if at + 1 < count { ";" } else { "" };
+        let piece = format!("{piece}{}", if at + 1 < pieces.len() { ";" } else { "" });
         // A piece that fits a line of its own is not divided.
-        let is_whole = INDENT.len() + columns(piece) + end.len() <= width;
-        let breaks = at > 0 && column + 1 + columns(piece) + end.len() > width;
-        if breaks && is_whole {
-            text.push('\n');
-            text.push_str(INDENT);
-            column = INDENT.len();
-        } else if at > 0 {
-            text.push(' ');
-            column += 1;
-        }
-        let piece = format!("{piece}{end}");
-        for (number, word) in piece.split(' ').enumerate() {
-            let space = usize::from(number > 0);
-            if column > INDENT.len() && column + space + columns(word) > width {
+        let is_whole = INDENT.len() + columns(&piece) <= width;
+        let words = if is_whole { vec![piece.as_str()] } else { piece.split(' ').collect() };
+        for word in words {
+            if !text.is_empty() && column + 1 + columns(word) > width {
                 text.push('\n');
                 text.push_str(INDENT);
                 column = INDENT.len();
-            } else if number > 0 {
+            } else if !text.is_empty() {
                 text.push(' ');
                 column += 1;
             }
@@ -210,7 +199,7 @@ pub fn number(number: &Number) -> String {
 mod tests {
     use serde_json::{Value, json};
 
-    use super::line;
+    use super::{line, wrapped};
 
     fn shown(event: Value) -> String {
         line(&event, 80)
@@ -232,6 +221,8 @@ mod tests {
             (json!({"event": "paused"}), "paused"),
             (json!({"event": "disconnected", "why": "the PC has ended"}), "disconnected: the PC has ended"),
             (json!({"event": "resumed", "done": 3, "of": 8}), "resumed: 3 of 8 done"),
+            (json!({"event": "left_out", "of": "noise", "count": 3}), "left out: of: noise; count: 3"),
+            (json!({"event": "failed", "error": {"code": 3}}), "failed: error: (code: 3)"),
             (json!({"event": "order_over", "order": 7, "executed": 8}), "order over: 7; executed: 8"),
             (json!({"event": "connected", "peer": "10.0.0.7:502"}), "connected: 10.0.0.7:502"),
             (
@@ -286,5 +277,30 @@ mod tests {
         assert_eq!(shown(event), expected);
         let event = json!({"event": "hint", "hint": "one two three four five six", "at": 7});
         assert_eq!(line(&event, 20), "hint: one two three\n  four five six;\n  at: 7");
+    }
+
+    #[test]
+    fn lines_are_at_most_as_wide_as_they_may_be() {
+        for (pieces, expected) in [
+            // A piece stays on the line that it fills.
+            (&["aaa", "bb c", "e"][..], "aaa; bb c;\n  e"),
+            (&["aaa", "bb", "e"], "aaa; bb; e"),
+            // A piece that is too long for the line fits the next.
+            (&["aaa", "bb cc", "e"], "aaa;\n  bb cc; e"),
+            (&["aaa", "bbbb cc", "e"], "aaa;\n  bbbb cc;\n  e"),
+            // A piece that is too long for any line is divided between its words.
+            (&["aaa", "bb cc dd", "e"], "aaa; bb cc\n  dd; e"),
+            (&["aaa", "bb cc ddd"], "aaa; bb cc\n  ddd"),
+            (&["aaa", "bbbbbb cc", "e"], "aaa;\n  bbbbbb\n  cc; e"),
+            (&["aa bbbb cc", "e"], "aa bbbb\n  cc; e"),
+            (&["aa bbb cc", "e"], "aa bbb cc;\n  e"),
+            // Columns are characters.
+            (&["ääää", "öööö"], "ääää; öööö"),
+            // A longer word has a line of its own.
+            (&["aa", "bbbbbbbbbbbbb", "e"], "aa;\n  bbbbbbbbbbbbb;\n  e"),
+            (&["aaaaaaaaaaaaa b"], "aaaaaaaaaaaaa\n  b"),
+        ] {
+            assert_eq!(wrapped(&pieces.iter().map(|&piece| piece.into()).collect::<Vec<_>>(), 10), expected);
+        }
     }
 }

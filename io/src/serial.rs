@@ -266,4 +266,44 @@ mod tests {
         let error = open("/dev/no-such-port", 9600).err().unwrap().to_string();
         assert!(error.contains("no such port"), "{error}");
     }
+
+    #[test]
+    fn a_port_that_cannot_be_opened_is_an_error_with_advice() {
+        use serialport::ErrorKind::{InvalidInput, Io, Unknown};
+        for (kind, advice) in [
+            (InvalidInput, ": it is not a serial port, or does not support this baud rate"),
+            (
+                Io(ErrorKind::PermissionDenied),
+                ": permission denied; on Linux add the user to the group dialout, and log in again",
+            ),
+            (Unknown, ""),
+        ] {
+            let error = advise("COM5", 9600, serialport::Error::new(kind, "it fails"));
+            assert_eq!(format!("{error:#}"), format!("cannot open COM5 at 9600 baud{advice}: it fails"));
+        }
+    }
+
+    #[test]
+    fn a_port_that_exists_is_in_use() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let found = absent(file.path().to_str().unwrap());
+        assert_eq!(found, ": in use by another program, such as a terminal program");
+    }
+
+    #[test]
+    fn the_error_of_a_host_without_its_port_names_one() {
+        for (path, expected) in [
+            ("10.0.0.7", "; for TCP give its port too, such as 10.0.0.7:502"),
+            ("plc.example", "; for TCP give its port too, such as plc.example:502"),
+            ("/dev/none.0", ""),
+            ("./none.0", ""),
+            ("none.0/tty", ""),
+            ("10.0.0.7:502", ""),
+            ("COM250", ""),
+        ] {
+            let error = absent(path);
+            let hint = error.find("; for TCP").map_or("", |at| &error[at..]);
+            assert_eq!(hint, expected, "{path}");
+        }
+    }
 }

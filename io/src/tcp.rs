@@ -183,12 +183,63 @@ pub const DISCARD_AFTER: Duration = Duration::from_secs(2);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::show_remarks;
 
     #[test]
     fn a_peer_that_vanishes_is_noticed() {
         let peer = listen("127.0.0.1:0").unwrap();
         let stream = connect(&peer.local_addr().unwrap().to_string(), Dialing::default()).unwrap();
         assert!(SockRef::from(&stream).keepalive().unwrap());
+    }
+
+    #[test]
+    fn a_connection_is_used_after_its_pause() {
+        let peer = listen("127.0.0.1:0").unwrap();
+        let dialing = Dialing { pause: Duration::from_millis(20), ..Dialing::default() };
+        let start = std::time::Instant::now();
+        let _stream = connect(&peer.local_addr().unwrap().to_string(), dialing).unwrap();
+        assert!(start.elapsed() >= dialing.pause);
+    }
+
+    #[test]
+    fn an_address_that_cannot_be_listened_on_is_an_error_with_advice() {
+        let advice = ": give an address and a port from 0 to 65535, such as 127.0.0.1:9105, or a port alone";
+        for (address, kind, expected) in [
+            ("nonsense", ErrorKind::InvalidInput, advice),
+            (":9105", ErrorKind::NotFound, advice),
+            ("nonsense:9105", ErrorKind::NotFound, ": entity not found"),
+            (
+                "80",
+                ErrorKind::PermissionDenied,
+                ": ports below 1024 need more privileges; choose a higher one",
+            ),
+            (
+                "192.0.2.7:9105",
+                ErrorKind::AddrNotAvailable,
+                ": the address is not local; use 127.0.0.1 or 0.0.0.0",
+            ),
+        ] {
+            let error = format!("{:#}", advise(address, kind.into()));
+            assert_eq!(error, format!("cannot listen on {address}{expected}"));
+        }
+    }
+
+    #[test]
+    fn an_address_that_others_can_reach_is_remarked_upon() {
+        let (screen, remarks) = std::sync::mpsc::channel();
+        show_remarks(Some(screen));
+        for place in ["127.0.0.1:9", "[::1]:9", "192.0.2.7:9"] {
+            warn_unless_loopback(place.parse().unwrap());
+        }
+        show_remarks(None);
+        // Other tests may remark upon their ports.
+        let remarks: Vec<String> = remarks.try_iter().filter(|it| it.contains(":9 ")).collect();
+        assert_eq!(
+            remarks,
+            [
+                "warning: 192.0.2.7:9 is open to the network without authentication; use 127.0.0.1 to restrict it to this machine"
+            ]
+        );
     }
 
     #[test]

@@ -271,13 +271,15 @@ mod tests {
         trace.add(MS * 5, TraceDirection::Received, &[0xA0]);
         trace.add(MS * 6, TraceDirection::Sent, &[3, 4]);
         trace.add(MS * 20, TraceDirection::Received, &[0xA1]);
+        trace.add(MS * 20 + GAP, TraceDirection::Received, &[0xA2]);
         assert_eq!(
             trace.lines(),
             [
                 "02 # 0.001000 s sent",
                 "A0 # 0.005000 s received",
                 "03 04 # 0.006000 s sent",
-                "A1 # 0.020000 s received"
+                "A1 # 0.020000 s received",
+                "A2 # 0.022000 s received"
             ]
         );
     }

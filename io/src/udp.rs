@@ -156,6 +156,15 @@ mod tests {
         }
     }
 
+    /// A file is not a socket: to receive from it fails.
+    #[cfg(unix)]
+    #[test]
+    fn a_socket_that_fails_is_an_error() {
+        let file = std::os::fd::OwnedFd::from(tempfile::tempfile().unwrap());
+        let end = Datagrams::connected(file.into());
+        assert!(end.read(&mut [0; 9]).is_err());
+    }
+
     #[test]
     fn a_port_in_use_is_an_error_with_advice() {
         let taken = bind("127.0.0.1:0").unwrap();

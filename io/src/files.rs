@@ -35,10 +35,13 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     builder.prefix(".cellwire-");
     let mut write = || {
         let mut file = match &earlier {
-            Some(earlier) => builder.permissions(earlier.permissions()).tempfile_in(folder)?,
+            Some(_) => builder.tempfile_in(folder)?, // for this user alone, until it is whole
             None => ordinary(&mut builder).tempfile_in(folder)?,
         };
         file.write_all(bytes)?;
+        if let Some(earlier) = &earlier {
+            file.as_file().set_permissions(earlier.permissions())?;
+        }
         file.as_file().sync_all()?;
         file.persist(&path)?;
         Ok(())
@@ -126,12 +129,12 @@ mod tests {
         let other = tempfile::tempdir().unwrap();
         fs::write(other.path().join("b.txt"), "").unwrap();
         assert_eq!(mode(&file), mode(&other.path().join("b.txt")), "a new file has the usual rights");
-        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
         symlink(&file, &link).unwrap();
         write(&link, b"two").unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"two");
-        assert_eq!(mode(&file), 0o640);
+        assert_eq!(mode(&file), 0o666, "also those that the mask takes from a new file");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "no temporary file remains");
     }
 

@@ -64,8 +64,10 @@ impl Outlet {
         if let Some(failed) = &state.failed {
             return Err(failed.again());
         }
-        // Lines stay in sequence: after a dropped line, a shorter one is dropped too.
-        if state.dropped > 0 || state.waiting.len() + line.len() > BUFFER_LEN {
+        // Lines stay in sequence: after a dropped line, a shorter one is dropped too. Where nothing waits, a line of any length
+        // does: nothing would tell the thread that one was dropped.
+        let is_full = !state.waiting.is_empty() && state.waiting.len() + line.len() > BUFFER_LEN;
+        if state.dropped > 0 || is_full {
             state.dropped += 1;
             return Ok(());
         }
@@ -172,6 +174,13 @@ mod tests {
         for expected in [&b"held\n"[..], b"waiting\n2 dropped\n"] {
             go.send(()).unwrap();
             assert_eq!(written.recv().unwrap(), expected);
+        }
+        outlet.finish().unwrap();
+        // A line that is longer than the buffer is written, and so is the next.
+        for line in [&[b'x'; BUFFER_LEN + 1][..], b"next\n"] {
+            outlet.put(line).unwrap();
+            go.send(()).unwrap();
+            assert_eq!(written.recv().unwrap(), line);
         }
         outlet.finish().unwrap();
         // The reader is gone: the line after the next is an error.

@@ -23,5 +23,7 @@ mod laser;
 mod mma;
 #[cfg(feature = "puma")]
 mod puma;
+#[cfg(feature = "tls")]
+mod tls;
 #[cfg(feature = "viewer")]
 mod viewer;

@@ -155,6 +155,8 @@ fn a_silent_client_is_disconnected() {
     let host = Host::of(Line::default(), Some(100 * MS));
     let (mut client, name) = host.connect();
     assert_eq!(host.next(), format!("{name} connected"));
+    let (_second, other) = host.connect();
+    assert_eq!(host.next(), format!("{other} connected"), "it is not disconnected before its time");
     host.set_clock(100 * MS);
     assert_eq!(client.read(&mut [0]).unwrap(), 0);
     assert_eq!(host.next(), format!("{name} disconnected: the client sends nothing for 0.1 s"));
@@ -205,8 +207,11 @@ fn a_client_that_does_not_read_its_replies_is_not_read() {
     let (mut first, a) = host.connect();
     assert_eq!(host.next(), format!("{a} connected"));
     first.write_all(b"AB").unwrap();
-    let (_second, b) = host.connect();
-    assert_eq!(host.next_but_sent(), format!("{b} connected"), "the bytes that came before are not read");
+    let (mut second, b) = host.connect();
+    assert_eq!(host.next_but_sent(), format!("{b} connected"));
+    second.read_exact(&mut [0; 128_000]).unwrap();
+    second.write_all(b"CD").unwrap();
+    assert_eq!(host.next_but_sent(), "received CD", "the bytes that came before are not read");
     first.read_exact(&mut [0; 128_000]).unwrap();
     assert_eq!(host.next_but_sent(), "received AB");
 }

@@ -9,14 +9,14 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
-use cellwire_sim::host::{Arrival, Listener, MAX_CLIENTS, Notice, Server};
+use cellwire_sim::host::{Listener, Notice, Server};
 use cellwire_sim::{Device, Peer, Settings as _, Simulator};
 use socket2::{Domain, SockRef, Socket, Type};
 
 use crate::gadget::{Gadget, Line};
 
-const LIMIT: Duration = Duration::from_secs(20);
-const MS: Duration = Duration::from_millis(1);
+pub(crate) const LIMIT: Duration = Duration::from_secs(20);
+pub(crate) const MS: Duration = Duration::from_millis(1);
 
 /// A server in a thread, which is stopped when this is dropped. Its clock advances only when it is set.
 pub(crate) struct Host {
@@ -75,7 +75,7 @@ impl Host {
     }
 
     /// Creates a host of a device that serves several clients.
-    fn of(line: Line, idle_timeout: Option<Duration>) -> Self {
+    pub(crate) fn of(line: Line, idle_timeout: Option<Duration>) -> Self {
         Self::new(Simulator::new(Gadget { line, ..Gadget::default() }), idle_timeout, |listener| listener)
     }
 
@@ -94,11 +94,6 @@ impl Host {
         self.notices.recv_timeout(LIMIT).unwrap()
     }
 
-    /// Returns the next notice, except those of sent bytes.
-    fn next_but_sent(&self) -> String {
-        core::iter::repeat_with(|| self.next()).find(|told| !told.starts_with("sent ")).unwrap()
-    }
-
     /// Returns the next bytes that are received, this many at least.
     pub(crate) fn received(&self, length: usize) -> String {
         let mut received = String::new();
@@ -108,7 +103,7 @@ impl Host {
         received
     }
 
-    fn set_clock(&self, now: Duration) {
+    pub(crate) fn set_clock(&self, now: Duration) {
         self.clock.store(now.as_millis().try_into().unwrap(), Ordering::Relaxed);
     }
 }
@@ -199,92 +194,4 @@ fn a_frozen_device_does_not_read() {
 pub(crate) fn much(count: usize) -> Line {
     const TEXT: &str = "0123456789012345678901234567890123456789012345678901234567890123";
     Line { sends: core::iter::repeat_n((Duration::ZERO, TEXT), count).collect(), ..Line::default() }
-}
-
-#[test]
-fn a_client_that_does_not_read_its_replies_is_not_read() {
-    let host = Host::of(much(2000), None);
-    let (mut first, a) = host.connect();
-    assert_eq!(host.next(), format!("{a} connected"));
-    first.write_all(b"AB").unwrap();
-    let (mut second, b) = host.connect();
-    assert_eq!(host.next_but_sent(), format!("{b} connected"));
-    second.read_exact(&mut [0; 128_000]).unwrap();
-    second.write_all(b"CD").unwrap();
-    assert_eq!(host.next_but_sent(), "received CD", "the bytes that came before are not read");
-    first.read_exact(&mut [0; 128_000]).unwrap();
-    assert_eq!(host.next_but_sent(), "received AB");
-}
-
-#[test]
-fn a_client_that_does_not_read_is_disconnected_by_one_more_message() {
-    let mut line = much(2000);
-    line.sends.push_back((10 * MS, "more"));
-    let host = Host::of(line, None);
-    let (_client, name) = host.connect();
-    assert_eq!(host.next(), format!("{name} connected"));
-    host.set_clock(10 * MS);
-    assert_eq!(host.next_but_sent(), format!("{name} disconnected: the peer does not read"));
-}
-
-/// Runs a test in a process of its own that can open so many files; returns whether this is that process.
-#[cfg(unix)]
-fn with_files(limit: usize, test: &str) -> bool {
-    if std::env::var_os("CELLWIRE_SIM_FILES").is_some() {
-        return true;
-    }
-    let mut command = std::process::Command::new("sh");
-    command.arg("-c").arg(format!("ulimit -n {limit} && exec \"$0\" --exact {test}"));
-    let ran = command.arg(std::env::current_exe().unwrap()).env("CELLWIRE_SIM_FILES", "").output().unwrap();
-    let said = String::from_utf8_lossy(&ran.stdout);
-    assert!(ran.status.success() && said.contains("1 passed"), "{said}");
-    false
-}
-
-#[cfg(unix)]
-#[test]
-fn the_maximum_of_clients_is_served() {
-    if !with_files(2 * MAX_CLIENTS + 100, "host::the_maximum_of_clients_is_served") {
-        return;
-    }
-    let host = Host::of(Line::default(), None);
-    let mut clients = Vec::new();
-    for _ in 0..MAX_CLIENTS {
-        let (client, name) = host.connect();
-        assert_eq!(host.next(), format!("{name} connected"));
-        clients.push(client);
-    }
-    let (mut client, name) = host.connect();
-    assert_eq!(host.next(), format!("{name} refused: the maximum of clients is connected"));
-    assert_eq!(client.read(&mut [0]).unwrap(), 0);
-}
-
-#[cfg(unix)]
-#[test]
-fn a_client_without_a_free_descriptor_is_refused() {
-    if !with_files(40, "host::a_client_without_a_free_descriptor_is_refused") {
-        return;
-    }
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let mut listener = Listener::new(listener).unwrap();
-    assert!(matches!(listener.accept(), Ok(Arrival::Nobody)));
-    let mut files = Vec::new();
-    for _ in 0..2 {
-        let mut client = TcpStream::connect(address).unwrap();
-        client.set_read_timeout(Some(LIMIT)).unwrap();
-        while let Ok(file) = std::fs::File::open("/dev/null") {
-            files.push(file);
-        }
-        match listener.accept() {
-            Ok(Arrival::Refused(peer, why)) => {
-                assert_eq!(
-                    (peer, &*why),
-                    (client.local_addr().unwrap(), "too many open files, see ulimit -n")
-                );
-            }
-            other => panic!("{other:?}"),
-        }
-        assert_eq!(client.read(&mut [0]).unwrap(), 0);
-    }
 }

@@ -103,11 +103,11 @@ fn forward(
         }
         let (pieces, last) = split(read, &mut rng);
         faults.splits.fetch_add(u64::from(!pieces.is_empty()), Ordering::Relaxed);
-        for piece in pieces {
+        for (piece, pause) in pieces {
             if to.write_all(piece).is_err() {
                 return;
             }
-            thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
+            thread::sleep(pause);
         }
         if to.write_all(last).is_err() {
             break;
@@ -117,13 +117,13 @@ fn forward(
     let _ = from.shutdown(Shutdown::Both);
 }
 
-/// Returns the pieces in which a read is forwarded: mostly the last alone.
-fn split<'a>(mut rest: &'a [u8], rng: &mut fastrand::Rng) -> (Vec<&'a [u8]>, &'a [u8]) {
+/// Returns the pieces in which a read is forwarded, each with the pause after it, and the last piece: mostly that alone.
+fn split<'a>(mut rest: &'a [u8], rng: &mut fastrand::Rng) -> (Vec<(&'a [u8], Duration)>, &'a [u8]) {
     let mut pieces = Vec::new();
     if rng.f64() < 0.3 {
         while rest.len() > 1 && rng.f64() < 0.7 {
             let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
-            pieces.push(head);
+            pieces.push((head, Duration::from_micros(rng.u64(50..1_000))));
             rest = tail;
         }
     }
@@ -140,9 +140,9 @@ mod tests {
         let read: Vec<u8> = (0..100).collect();
         let mut splits = 0;
         for _ in 0..1000 {
-            let (mut pieces, last) = split(&read, &mut rng);
-            splits += u32::from(!pieces.is_empty());
-            pieces.push(last);
+            let (pauses, last) = split(&read, &mut rng);
+            splits += u32::from(!pauses.is_empty());
+            let pieces: Vec<_> = pauses.into_iter().map(|(piece, _)| piece).chain([last]).collect();
             assert!(pieces.concat() == read && pieces.iter().all(|piece| !piece.is_empty()), "{pieces:?}");
             assert_eq!(split(&[7], &mut rng), (vec![], &[7][..]));
         }

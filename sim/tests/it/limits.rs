@@ -1,5 +1,5 @@
-//! A server with more clients than it can serve, and with clients that do not read. Windows accepts any number of bytes to send, and
-//! has no `ulimit`.
+//! A server with more clients than it can serve, and with clients that do not read. Windows accepts any number of bytes at
+//! once, and has no `ulimit`.
 
 use std::fs::File;
 use std::io::{Read as _, Write as _};

@@ -92,30 +92,60 @@ fn forward(
             thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
         }
         let Ok(n) = from.read(&mut buffer) else { break };
-        let mut rest = buffer.get(..n).unwrap_or_default();
-        if rest.is_empty() {
+        let read = buffer.get(..n).unwrap_or_default();
+        if read.is_empty() {
             break;
         }
         if rng.f64() < breaks {
             faults.disconnects.fetch_add(1, Ordering::Relaxed);
-            let _ = to.write_all(rest.get(..rng.usize(0..n)).unwrap_or_default());
+            let _ = to.write_all(read.get(..rng.usize(0..n)).unwrap_or_default());
             break;
         }
-        if rng.f64() < 0.3 {
-            faults.splits.fetch_add(1, Ordering::Relaxed);
-            while rest.len() > 1 && rng.f64() < 0.7 {
-                let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
-                if to.write_all(head).is_err() {
-                    return;
-                }
-                thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
-                rest = tail;
+        let (pieces, last) = split(read, &mut rng);
+        faults.splits.fetch_add(u64::from(!pieces.is_empty()), Ordering::Relaxed);
+        for (piece, pause) in pieces {
+            if to.write_all(piece).is_err() {
+                return;
             }
+            thread::sleep(pause);
         }
-        if to.write_all(rest).is_err() {
+        if to.write_all(last).is_err() {
             break;
         }
     }
     let _ = to.shutdown(Shutdown::Both);
     let _ = from.shutdown(Shutdown::Both);
+}
+
+/// Returns the pieces in which a read is forwarded, each with the pause after it, and the last piece: mostly that alone.
+fn split<'a>(mut rest: &'a [u8], rng: &mut fastrand::Rng) -> (Vec<(&'a [u8], Duration)>, &'a [u8]) {
+    let mut pieces = Vec::new();
+    if rng.f64() < 0.3 {
+        while rest.len() > 1 && rng.f64() < 0.7 {
+            let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
+            pieces.push((head, Duration::from_micros(rng.u64(50..1_000))));
+            rest = tail;
+        }
+    }
+    (pieces, rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fifth_of_the_reads_is_split_and_no_byte_is_lost() {
+        let mut rng = fastrand::Rng::with_seed(1);
+        let read: Vec<u8> = (0..100).collect();
+        let mut splits = 0;
+        for _ in 0..1000 {
+            let (pauses, last) = split(&read, &mut rng);
+            splits += u32::from(!pauses.is_empty());
+            let pieces: Vec<_> = pauses.into_iter().map(|(piece, _)| piece).chain([last]).collect();
+            assert!(pieces.concat() == read && pieces.iter().all(|piece| !piece.is_empty()), "{pieces:?}");
+            assert_eq!(split(&[7], &mut rng), (vec![], &[7][..]));
+        }
+        assert!((150..270).contains(&splits), "0.3 * 0.7 of them: {splits}");
+    }
 }

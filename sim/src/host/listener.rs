@@ -157,3 +157,30 @@ pub fn probes() -> TcpKeepalive {
 fn reserve() -> Option<File> {
     File::open(if cfg!(unix) { "/dev/null" } else { "NUL" }).ok()
 }
+
+#[cfg(all(test, feature = "tls"))]
+mod tests {
+    use std::net::TcpStream;
+    use std::time::Instant;
+
+    use robot_session::tls::HANDSHAKE;
+    use robot_session::tls::rustls::server::ResolvesServerCertUsingSni;
+
+    use super::*;
+
+    #[test]
+    fn a_silent_client_is_looked_at_when_its_handshake_has_failed() {
+        let names = Arc::new(ResolvesServerCertUsingSni::new());
+        let config = ServerConfig::builder().with_no_client_auth().with_cert_resolver(names);
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let mut listener = Listener::new(listener).unwrap().with_tls(Some(Arc::new(config)));
+        assert_eq!(listener.handshake_time(), None);
+        let _client = TcpStream::connect(address).unwrap();
+        let begun = Instant::now();
+        while listener.handshake_time().is_none() && begun.elapsed() < HANDSHAKE {
+            assert!(matches!(listener.accept(), Ok(Arrival::Nobody)));
+        }
+        assert_eq!(listener.handshake_time(), Some(HANDSHAKE));
+    }
+}

@@ -15,6 +15,7 @@ pub(crate) struct Line {
     pub(crate) wake: Option<Duration>,
     pub(crate) sends: VecDeque<(Duration, &'static str)>,
     pub(crate) log: Vec<String>,
+    pub(crate) certificate: Vec<u8>,
 }
 
 impl Line {
@@ -130,6 +131,10 @@ impl Device for Gadget {
 
     fn another(&self) -> Option<Self> {
         Some(self.clone())
+    }
+
+    fn secured(&mut self, certificate: &[u8]) {
+        self.line.certificate = certificate.into();
     }
 }
 

@@ -6,6 +6,8 @@ mod faults;
 mod gadget;
 mod host;
 mod ledger;
+#[cfg(unix)]
+mod limits;
 mod proxy;
 mod running;
 #[cfg(all(feature = "ball", feature = "laser", feature = "mma", feature = "puma", feature = "viewer"))]
@@ -23,5 +25,7 @@ mod laser;
 mod mma;
 #[cfg(feature = "puma")]
 mod puma;
+#[cfg(feature = "tls")]
+mod tls;
 #[cfg(feature = "viewer")]
 mod viewer;

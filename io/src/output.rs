@@ -312,6 +312,7 @@ mod tests {
         let back: Value = serde_json::from_slice(&out).unwrap();
         assert_eq!(back["a"], "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y");
     }
+
     #[test]
     fn lines_are_indented_and_at_most_as_wide_as_they_may_be() {
         for (text, expected) in [

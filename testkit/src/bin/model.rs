@@ -16,8 +16,8 @@ use testkit::model::{
 };
 use testkit::soak::Log;
 
-/// Explores every pair of ends exhaustively: both machines, the line between them with every fault that it can commit, and
-/// what their users may do.
+/// Explores every end with any peer exhaustively: the machine, the line between them with every fault that it can commit,
+/// and what their users may do.
 ///
 /// Prints a row for each setting. Exit 1 if a property does not hold, with the shortest trace to where it does not, or if a
 /// setting has more states than were visited.
@@ -193,9 +193,9 @@ fn must_fail(pairs: &[Pair], traces: bool, seeds: u64, common: &Common) -> bool 
         }
     }
     let missed = rows.iter().filter(|row| row.is_none()).count();
-    println!("{} rules taken out, {missed} not detected", rows.len());
+    println!("{} rules, assumptions and bounds taken out, {missed} not detected", rows.len());
     let good = missed == 0 && !rows.is_empty();
-    println!("{}", if good { "every rule is needed" } else { "FAILED" });
+    println!("{}", if good { "each is needed" } else { "FAILED" });
     good
 }
 

@@ -168,7 +168,7 @@ const LEGEND: &str = "\
 any X     X is not ours: it chooses among what the source's rules permit. hostile X: it sends anything
 jobs      each is in one of: once (reported done, executed once), not done (reported so, and true), unknown (reported so,
           executed at most once), LOST and REPEATED (not reported), forged. INVENTED: executed, though nobody sent it. STUCK:
-          sessions that did not do all the work that they were asked for in a minute without faults at the end.
+          sessions that did not do all the work that they were asked for without faults at the end.
 corrupt   transmissions whose bytes the line has changed; silences, repeats and breaks are counted by themselves
 unseen    valid messages by the protocol's own check that corruption has made, shown by the bytes that arrived; theory: how many
           of the messages with corrupt bytes would pass if they were random; forged: jobs that one of them explains";

@@ -1,4 +1,4 @@
-//! The adapters of every link to the shared tests: its pair of machines as a system that the model explores.
+//! The adapters of every link to the shared tests: each end against any peer, as a system that the model explores.
 
 pub mod fanuc_hmi_modbus;
 pub mod isra_ball;

@@ -1,8 +1,8 @@
-//! The model: both machines of a link, the line between them and the people at either end, explored exhaustively.
+//! The model: an end's machine and any peer, the line between them and the people at either end, explored exhaustively.
 //!
-//! A link's crate contains a pure machine for each end. `testkit::links` joins both to a [`System`]: the possible acts in a
-//! state, their results, and the broken properties. [`explore()`] visits every state breadth first, so that a broken
-//! property comes with a shortest path to it.
+//! A link's crate contains a pure machine for each end. `testkit::links` joins each to any peer, as a [`System`]: the
+//! possible acts in a state, their results, and the broken properties. [`explore()`] visits every state breadth first, so
+//! that a broken property comes with a shortest path to it.
 //!
 //! Time in a model is always zero: a tick of the system takes its length from every deadline, see [`age`]. States that behave
 //! alike are then equal, and there are finitely many.

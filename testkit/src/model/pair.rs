@@ -16,14 +16,14 @@ use super::{walk::walk, wired::Wired};
 #[cfg(feature = "links")]
 use crate::soak::{Log, Tally};
 
-/// Two ends that are explored together.
+/// An end and any peer, or two ends, that are explored together.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair {
-    /// The crate and the ends: `laser-eb90 host × controller`.
+    /// The crate and the ends: `laser-eb90 host × any controller`.
     pub name: &'static str,
     /// The systems to explore: each with its bounds and faults.
     pub settings: fn(Depth) -> Vec<Setting>,
-    /// For each rule of the machines a system without it.
+    /// Systems without one rule, assumption or bound each; every rule has one.
     pub must_fail: fn() -> Vec<MustFail>,
     /// The diagrams that its crate commits, see [`draw`].
     pub diagrams: fn() -> Vec<Diagram>,
@@ -44,8 +44,7 @@ pub enum Depth {
 pub struct Setting {
     /// Bounds and faults in words: `2 batches, 2 faults of any kind`.
     pub name: String,
-    /// The assumptions about a peer without a machine, and the properties that hold under them; `None` for two
-    /// machines.
+    /// The assumptions about a peer without a machine, and the properties that hold under them, if any.
     pub terms: Option<PeerAssumptions>,
     system: Box<dyn Explorable>,
     #[cfg(feature = "links")]
@@ -63,8 +62,7 @@ pub struct PeerAssumptions {
     pub keeps: &'static str,
     /// The behaviour that is left open.
     pub free: &'static str,
-    /// The clauses that the end is shown to keep, each with the property that shows it. The peer of the other end
-    /// relies on them.
+    /// The clauses that the end is shown to keep, each with the property that shows it: the other end relies on them.
     pub shows: &'static [(&'static str, &'static str)],
     /// The properties that hold.
     pub properties: &'static [&'static str],

@@ -4,8 +4,8 @@ use core::{fmt::Debug, hash::Hash};
 
 use super::machine::Edge;
 
-/// A closed system: both machines, the messages in flight between them, the remaining acts of users and faults, and the
-/// known state of every job.
+/// A closed system: a machine and its peer, the messages in flight between them, the remaining acts of users and faults, and
+/// the known state of every job.
 pub trait System: Send + Sync + 'static {
     /// The basis of all decisions about the next act, with times relative to now.
     type State: Clone + Eq + Hash + Debug + Send + Sync;

@@ -38,7 +38,7 @@ pub struct Tally {
     pub refused: u64,
     /// Messages among their bytes that were not sent and that the check passes.
     pub unseen: u64,
-    /// Sessions that did not do all the work that they were asked for in a minute without faults.
+    /// Sessions that did not do all the work that they were asked for without faults at the end.
     pub stuck: u64,
     /// Sessions that panicked.
     pub panics: u64,

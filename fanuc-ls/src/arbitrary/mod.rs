@@ -19,10 +19,9 @@ impl<'a> Arbitrary<'a> for Speed {
             form => {
                 let unit: SpeedUnit = u.arbitrary()?;
                 let most = if unit == SpeedUnit::Percent { 100 } else { 100_000 };
-                let value = if form == 2 {
-                    u.int_in_range(1..=most)?.into()
-                } else {
-                    f64::from(u.int_in_range(1..=1000 * most)?) / 1000.0
+                let value = match form {
+                    2 => u.int_in_range(1..=most)?.into(),
+                    _ => f64::from(u.int_in_range(1..=1000 * most)?) / 1000.0,
                 };
                 Self::Fixed { value, unit }
             }

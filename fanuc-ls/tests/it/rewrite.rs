@@ -311,6 +311,7 @@ fn every_reference_has_its_place() {
                 5:L P[1] 9sec FINE TB .5sec,CALL D(1) ;\n6: !CALL E ;\n7: MESSAGE[CALL F] ;\n8: SR[1]='CALL G' ;\n\
                 9: IF R[1]=1,CALL H(R[2]) ;\n10: MONITOR I ;\n11: CALL ... ;\n12: CALL 5 ;\n13: CALL-J ;\n/END\n";
     let document = Document::decode(text).unwrap();
+    assert!(document.references().all(|found| !found.is_definition));
     let programs: Vec<&str> = document.program_references().map(|name| &text[name]).collect();
     assert_eq!(programs, ["B-1", "C", "D", "H", "I"]);
     let body = document.statements().next().unwrap().body();

@@ -89,7 +89,7 @@ fn a_plant_may_lack_what_a_pc_alone_needs() {
         "{refused}"
     );
     assert!(without.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::tcp() }).is_ok());
-    assert!(without.robot(RobotConfig::tcp()).is_ok());
+    assert!(without.robot(RobotConfig::tcp()).is_ok() && without.check().is_ok());
     let link = Link::by_name("kawasaki-msg").unwrap();
     let settings = given.as_object().unwrap();
     assert!((link.codec)("pc", settings).is_ok());
@@ -174,9 +174,12 @@ fn a_program_has_the_table_and_the_job_that_are_not_the_default() {
     let job = json!([
         {"name": "1st", "kind": "whole", "range": [0, 9]},
         {"name": "speed", "kind": "decimal", "places": 2, "range": ["0.50", "20.00"]},
+        {"name": "Type", "kind": "whole", "range": [0, 1]},
+        {"name": "_", "kind": "whole", "range": [0, 1]},
     ]);
     let text = program(json!({"job": job}));
     assert!(text.contains("    /// 0 to 9.\n    pub field_1st: i32,\n"), "{text}");
+    assert!(text.contains("    pub type_: i32,\n") && text.contains("    pub __: i32,\n"), "{text}");
     assert!(text.contains("    /// 0.50 to 20.00, in units of 1e-2.\n    pub speed: i32,\n"), "{text}");
 }
 

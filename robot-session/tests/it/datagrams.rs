@@ -69,6 +69,12 @@ fn what_no_socket_can_send_is_an_error() {
     here.connect(here.local_addr().unwrap()).unwrap();
     assert!(is_unsendable(&Transport::send(&mut here, &[1; 70_000]).unwrap_err()), "it is too long");
     assert_eq!(Transport::send(&mut here, &[1]).unwrap(), SendOutcome::Buffered);
+    // After the first one the system knows that nobody is there.
+    let nobody = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+    here.connect(nobody).unwrap();
+    for _ in 0..3 {
+        assert_eq!(Transport::send(&mut here, &[1]).unwrap(), SendOutcome::Buffered);
+    }
     let kinds = [ErrorKind::InvalidInput, ErrorKind::NotConnected, ErrorKind::ConnectionRefused];
     assert_eq!(kinds.map(|kind| is_unsendable(&kind.into())), [true, true, false]);
 }

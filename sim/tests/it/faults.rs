@@ -122,6 +122,24 @@ fn connected() -> Simulator<Gadget> {
 }
 
 #[test]
+fn a_device_is_held_by_its_faults_and_not_by_itself() {
+    assert!(Simulator::new(Gadget::default()).is_held(), "there is no connection");
+    let mut simulator = connected();
+    assert!(!simulator.is_held());
+    simulator.device_mut().line.is_blocked = true;
+    assert!(!simulator.is_held() && !simulator.wants_input());
+    let mut simulator = connected();
+    simulator.faults().freeze(5 * MS);
+    simulator.handle_timeout(NOW);
+    assert!(simulator.is_held());
+    simulator.handle_timeout(5 * MS);
+    assert!(!simulator.is_held());
+    simulator.faults().follow(Script::new().request(0, Fault::Delay(7 * MS)));
+    simulator.handle_input(6 * MS, b"AB");
+    assert!(simulator.is_held(), "its bytes wait");
+}
+
+#[test]
 fn a_simulator_asks_to_be_woken_for_what_it_can_do_then() {
     let mut simulator = connected();
     let script =

@@ -9,11 +9,14 @@ fn each_job_has_its_fate_and_is_counted() {
     for (note, reported, times) in [
         ("once", Some(ReportedOutcome::Done), 1),
         ("withdrawn", Some(ReportedOutcome::NotDone), 0),
+        ("withdrawn", Some(ReportedOutcome::NotDone), 0),
+        ("unknown", Some(ReportedOutcome::Unknown), 1),
         ("unknown", Some(ReportedOutcome::Unknown), 1),
         ("unknown", Some(ReportedOutcome::Unknown), 0),
         ("unknown", Some(ReportedOutcome::AnyTimes(1)), 2),
         ("lost", Some(ReportedOutcome::AnyTimes(1)), 0),
         ("lost", Some(ReportedOutcome::Done), 0),
+        ("lost", None, 0),
         ("lost", None, 0),
         ("repeated", Some(ReportedOutcome::Done), 2),
         ("repeated", Some(ReportedOutcome::NotDone), 1),
@@ -35,17 +38,17 @@ fn each_job_has_its_fate_and_is_counted() {
         assert_eq!(fate, job.note, "{job:?}");
     }
     let counts = Counts {
-        sent: 10,
-        executed_once: 2,
+        sent: 13,
+        executed_once: 3,
         repeated: 2,
-        lost: 2,
-        unknown: 4,
-        unknown_executed: 2,
-        withdrawn: 1,
+        lost: 3,
+        unknown: 5,
+        unknown_executed: 3,
+        withdrawn: 2,
         unreported: 1,
     };
     assert_eq!(ledger.count(), counts);
-    assert!(!ledger.execute(10) && ledger.report(10, ReportedOutcome::Done).is_none());
+    assert!(!ledger.execute(13) && ledger.report(13, ReportedOutcome::Done).is_none());
     ledger.report(0, ReportedOutcome::Done).unwrap();
     assert_eq!(ledger.jobs()[0].fate(), JobFate::Repeated("its outcome was reported twice"));
 }

@@ -319,6 +319,34 @@ mod tests {
         (Layer { connection: connection.into(), begun }, stream, peer)
     }
 
+    struct Broken;
+
+    impl io::Read for Broken {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(ErrorKind::ConnectionReset.into())
+        }
+    }
+
+    impl io::Write for Broken {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(ErrorKind::ConnectionReset.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_broken_connection_is_not_a_silent_one() {
+        let (mut tls, _stream, _peer) = with_silent_peer(HANDSHAKE);
+        assert_eq!(tls.flush(&mut Broken).unwrap_err().kind(), ErrorKind::ConnectionReset);
+        assert_eq!(tls.shake_hands(&mut Broken).unwrap_err().kind(), ErrorKind::ConnectionReset);
+        let (tls, stream, _peer) = with_silent_peer(HANDSHAKE);
+        stream.shutdown(std::net::Shutdown::Both).unwrap();
+        assert!(Secure { stream, tls }.send(b"!").is_err());
+    }
+
     #[test]
     fn a_handshake_with_a_silent_peer_ends_in_time() {
         let (tls, stream, _peer) = with_silent_peer(Duration::from_millis(50));

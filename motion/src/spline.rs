@@ -131,6 +131,7 @@ mod tests {
             assert!(here.distance(&arm.forward(&turned(degrees))) < 0.01, "{time} s");
         }
     }
+
     /// Between two positions that it passes, a curve through positions on a parabola is the parabola.
     #[test]
     fn the_rate_at_a_position_is_the_slope_through_its_neighbours() {

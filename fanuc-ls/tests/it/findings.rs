@@ -213,7 +213,7 @@ fn an_instruction_is_read_as_it_is_spelled() {
 fn a_word_is_a_misspelled_one_if_one_letter_of_three_is_another() {
     let macro_ = "1: unknown instruction: it must be a macro";
     let meant = |word: &str| format!("1: unknown instruction or option: did you mean `{word}`?");
-    for text in ["EN", "IFX", "BUN A", "CLXX A", "ALLL A", "FORCEX ON"] {
+    for text in ["EN", "IFX", "BUN", "BUN A", "CLXX", "CLXX A", "ALLL A", "FORCEX ON"] {
         assert_eq!(findings(text), [macro_], "{text}");
     }
     for (text, word) in [("XALL A", "CALL"), ("RUT A", "RUN"), ("CLAL A", "CALL"), ("CALLL A", "CALL")] {
